@@ -177,7 +177,7 @@ def line_truth_of(scene: Scene, motion: LineMotion) -> dict[str, Any]:
     }
 
 
-def line_impulses(motion: LineMotion) -> dict[str, float]:
+def line_impulses(scene: Scene, motion: LineMotion) -> dict[str, float]:  # noqa: ARG001 - as of a gun
     """Return the impulse that is not read, N s, against the motion, and its share of what resists it all."""
     step_s = float(motion.times_s[1])
     along = np.sign(motion.speed_m_s)
