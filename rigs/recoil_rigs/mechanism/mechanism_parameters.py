@@ -1,4 +1,4 @@
-"""What every model of the recoiling mechanism is: its parameters, and what it answers to those who identify its mass.
+"""The recoiling mechanism: its parameters, and what each model of it answers to those who identify its mass.
 
 Filters, clocks, checks and estimators ask the mechanism which channels tell its motion, which forces act, how it begins
 and what it rests on; none of them asks which model it is. `recoil_rigs.mechanism.gun` has the three bodies of a gun,
@@ -195,8 +195,8 @@ class Mechanism(ABC):
         Parameters
         ----------
         inertial, moving, carriage
-            As of `recoil_rigs.mechanism.measured_acceleration.relative_acceleration`; only the first one counts where
-            the mechanism is not `mounted`.
+            Arguments of `recoil_rigs.mechanism.measured_acceleration.relative_acceleration`; only the first one counts
+            where the mechanism is not `mounted`.
         """
 
     def pressures(self, channels: Sequence[ChannelSpec]) -> tuple[ForceInput, ...]:

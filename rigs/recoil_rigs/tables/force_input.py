@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from recoil_rigs.tables.rig_tables import ChannelSpec
 
 AREAS = ("bore_area", "brake_area", "recuperator_area")
-"""Areas on which the pressures of `GAUGE_ROLES` act, in their order."""
+"""Areas on which the pressures of `recoil_rigs.tables.rig_tables.GAUGE_ROLES` act, in their order."""
 SIGNS = (1.0, -1.0, -1.0)
 """Signs of the forces of these pressures: the breech drives, the others hold."""
 
