@@ -42,7 +42,7 @@ __all__ = [
 
 
 class _Model(NamedTuple):
-    """What is drawn of a mechanism, and what its truth says: of its motion, of its parts, of what no gauge reads."""
+    """Functions of a kind of mechanism: what is drawn of it, and the truth of its motion, parts and unread forces."""
 
     draw: Callable[..., Scene]
     truth: Callable[..., dict[str, Any]]
