@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from recoil_acquisition.quantity import STANDARD_ATMOSPHERE_PA
 from recoil_acquisition.remark import Note, NoteCode
-from recoil_rigs.mechanism.mechanism_parameters import Mechanism, MechanismModel
+from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 from recoil_rigs.rig import Rig
 from recoil_rigs.tables.force_input import AREAS
 from recoil_rigs.tables.rig_tables import (
@@ -143,7 +143,7 @@ def _assumptions(rig: Rig, absolute: Collection[str]) -> Iterator[Assumption]:
     if "friction" not in m.u:
         yield Assumption("friction", "taken as exact", f"[mechanism] has no u_friction: {m.friction:g} N is taken")
     yield from _forces_that_nobody_reads(m, symbols)
-    for role in CARRIAGE_ROLES if m.model is MechanismModel.GUN else ():
+    for role in CARRIAGE_ROLES if m.mounted else ():
         if role not in roles:
             detail = "no channel has this role: its term in the equation of motion is taken at rest"
             yield Assumption(role, "not measured", detail)
