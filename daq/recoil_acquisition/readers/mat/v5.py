@@ -193,7 +193,7 @@ class _Listing:
             if data_at + data_size > 8 + stated:
                 raise ValueError(f"{name!r}: {data_size} bytes at {data_at} of {8 + stated}")
             if kind == CHARACTERS:
-                self._take_text(name, count, data_type, start[data_at:][:data_size], data_size)
+                self._take_text(name, count, data_type, bytes(start[data_at : data_at + data_size]), data_size)
             elif flags & COMPLEX:
                 left_out[name] = "complex"
             else:

@@ -138,13 +138,14 @@ def parse_plainly(rows: RowFormat, text: bytes, count: int, text_columns: Sequen
         return None
     # The carriage return of a line end stays with the last cell
     spellings = [s + end for s in (*_LOST_SPELLINGS, *rows.missing) for end in ("", "\r")]
-    dtypes = {i: str if i in text_columns else np.float64 for i in range(rows.width)}
+    dtypes: Any = {i: str if i in text_columns else np.float64 for i in range(rows.width)}
+    lost: Any = {i: spellings for i in dtypes if i not in text_columns}
     options: dict[str, Any] = {} if _by_default_exact(pd.__version__) else {"float_precision": "round_trip"}
     try:
         table = pd.read_csv(
             BytesIO(text), sep=rows.separator, header=None, dtype=dtypes if text_columns else np.float64, engine="c",
             quoting=3, lineterminator="\n", decimal="," if rows.decimal_comma else ".", skip_blank_lines=False,
-            keep_default_na=False, na_values={i: spellings for i in dtypes if i not in text_columns}, low_memory=False,
+            keep_default_na=False, na_values=lost, low_memory=False,
             encoding=rows.encoding, encoding_errors="replace", **options,
         )  # fmt: skip
     except (ValueError, OverflowError):  # ParserError is a ValueError
