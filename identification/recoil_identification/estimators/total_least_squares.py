@@ -30,7 +30,7 @@ def total_least_squares_mass(
     Parameters
     ----------
     inputs
-        Both sides behind the low-pass, and the noise of the pre-trigger baseline.
+        Signals on both sides of the equation behind the low-pass, and the noise of the pre-trigger baseline.
     further
         Contributions of clocks, zeros, repairs, skew and cut-off to the route by the accelerometer.
 

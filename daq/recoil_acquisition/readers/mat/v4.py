@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -65,7 +65,7 @@ def read_mat_v4(path: Path) -> MatContents:
     contents = MatContents("4", "")
     for found in _headers(path):
         if isinstance(found, str):
-            contents.incomplete = f"{found}: {len(contents.vectors)} before it were read"
+            contents = replace(contents, incomplete=f"{found}: {len(contents.vectors)} before it were read")
             break
         name, count = found.name, found.shape[0] * found.shape[1]
         read = partial(_load, path, found)

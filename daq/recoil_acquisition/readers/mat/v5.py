@@ -87,8 +87,7 @@ def read_mat_v5(path: Path) -> MatContents:
             kind, length = struct.unpack(f"{listing.order}II", tag) if len(tag) == 8 else (0, 0)
             if len(tag) < 8 or at + 8 + length > listing.size:
                 before = f"{len(listing.contents.vectors)} before it were read"
-                listing.contents.incomplete = f"the variable at byte {at} is cut off: {before}"
-                break
+                return replace(listing.contents, incomplete=f"the variable at byte {at} is cut off: {before}")
             if kind not in (MATRIX, COMPRESSED):
                 raise CorruptFileError(
                     "no variable",
@@ -145,7 +144,7 @@ class _Array:
 
 
 class _Listing:
-    """What was found in a file so far."""
+    """List of the variables of a file, as far as it was gone through."""
 
     def __init__(self, path: Path, order: str, head: bytes) -> None:
         self.path, self.order, self.size = path, order, path.stat().st_size

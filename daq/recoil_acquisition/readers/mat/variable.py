@@ -59,7 +59,7 @@ class MatVariable:
         return self.name.rpartition(".")[2]
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class MatContents:
     """Contents of a file, which grow as its variables are looked at.
 
