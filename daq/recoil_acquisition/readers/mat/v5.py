@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from io import BufferedReader
 from math import prod
 from pathlib import Path
@@ -150,6 +150,7 @@ class _Listing:
         self.path, self.order, self.size = path, order, path.stat().st_size
         self.contents = MatContents("5", head[:116].decode("latin-1").rstrip("\0 "))
         self._seen = self._unpacked = 0
+        self._whole = lru_cache(maxsize=1)(_load)
 
     def take(self, array: _Array, start: bytearray, field: str = "", depth: int = 0) -> None:
         """Look at one array by its first bytes; `field` is its name where it is a field of a structure."""
@@ -219,7 +220,11 @@ class _Listing:
             )  # fmt: skip
         self._hold(array, name, size)
         dtype = np.dtype(CLASSES[kind])
-        self.contents.take_numbers(name, shape, dtype, partial(_load, array, name, data_at, stored, dtype))
+        read = partial(_load, array, name, data_at, stored, dtype)
+        if array.packed and sum(n != 1 for n in shape) == 2:
+            # it is asked for column by column, each of which would be inflated from the beginning on
+            read = partial(_part, partial(self._whole, *read.args, 0, count))
+        self.contents.take_numbers(name, shape, dtype, read)
 
     def _hold(self, array: _Array, name: str, size: int) -> None:
         """Hold the bytes that a variable states to have against those of the file."""
@@ -276,3 +281,7 @@ def _load(
                 expected=f"{begin + size} bytes inflated", found=f"{begin + len(content)}",
             )  # fmt: skip
     return np.frombuffer(content, stored).astype(dtype, copy=False)
+
+
+def _part(whole: Callable[[], NDArray[Any]], start: int, stop: int) -> NDArray[Any]:
+    return whole()[start:stop].copy()
