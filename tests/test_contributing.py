@@ -22,25 +22,33 @@ ROOT = Path(__file__).resolve().parents[1]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 
 
+def block(mark: str, name: str) -> str:
+    """Return the block below a mark of the page."""
+    found = re.search(rf"<!-- {mark}: {name} -->\n```\w+\n(.*?)```", TEXT, re.DOTALL)
+    assert found is not None
+    return found[1]
+
+
 def recipe(name: str) -> dict[str, Any]:
     """Execute the block of a recipe as a module, and return its names."""
-    found = re.search(rf"<!-- recipe: {name} -->\n```python\n(.*?)```", TEXT, re.DOTALL)
-    assert found is not None
     names: dict[str, Any] = {"__name__": __name__}
-    exec(compile(found[1], f"CONTRIBUTING.md, {name}", "exec"), names)  # noqa: S102 - our own page
+    exec(compile(block("recipe", name), f"CONTRIBUTING.md, {name}", "exec"), names)  # noqa: S102 - our own page
     return names
 
 
 def test_the_filter_is_one_filter_for_all_columns() -> None:
-    average = recipe("filter")["MovingAverage"](3)
+    gaussian = recipe("filter")["Gaussian"](300.0)
     rng = np.random.default_rng(1)
     acceleration = rng.standard_normal(500)
-    table = filter_alike(average, {"acceleration": acceleration, "force": 782.0 * acceleration}, 1e4)
+    table = filter_alike(gaussian, {"acceleration": acceleration, "force": 782.0 * acceleration}, 1e4)
     assert np.allclose(table["force"], 782.0 * table["acceleration"], rtol=1e-12)
-    frequency_hz = 800.0
+    frequency_hz = 400.0
     wave = np.cos(2 * np.pi * frequency_hz / 1e4 * np.arange(500))
-    seen = average.apply(wave, 1e4)[100:400]
-    assert np.allclose(seen, average.gain(frequency_hz, 1e4) * wave[100:400], atol=1e-12)
+    seen = gaussian.apply(wave, 1e4)[100:400]
+    assert np.allclose(seen, gaussian.gain(frequency_hz, 1e4) * wave[100:400], atol=1e-9)
+    step = gaussian.apply(np.repeat([0.0, 1.0], 250), 1e4)
+    reach = gaussian.reach_samples(1e4)
+    assert step[249 - reach] < 0.01 < step[250 - reach + 3]
 
 
 def test_the_device_hands_on_every_datagram_and_its_own_beginning_and_end() -> None:

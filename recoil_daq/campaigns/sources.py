@@ -131,6 +131,7 @@ class Outdated(StrEnum):
     CORRECTION = "correction"
     CUTOFF = "cutoff"
     THINNED = "thinned"
+    FILTER = "filter"
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +156,8 @@ class CampaignReport:
         Digests of the files beside the report; keys are their names.
     thinned
         Whether the fastest channels were thinned for its number.
+    filter
+        Name of its low-pass; empty of the usual one.
     """
 
     path: Path
@@ -167,6 +170,7 @@ class CampaignReport:
     seal_fault: str = ""
     outputs: Mapping[str, str] = field(default_factory=dict)
     thinned: bool = False
+    filter: str = ""
 
     @classmethod
     def read(cls, path: Path) -> CampaignReport:
@@ -182,7 +186,8 @@ class CampaignReport:
             stated = str(provenance["inputs"][0]["sha256"]), str(provenance["version"]), "".join(rigs), recorded
             outputs = {str(one["file"]): str(one["sha256"]) for one in provenance.get("outputs", ())}
             fault = seal_fault(document)
-            thin = bool(provenance["parameters"].get("options", {}).get("thin"))
+            options = provenance["parameters"].get("options", {})
+            thin, low_pass = bool(options.get("thin")), str(options.get("filter", ""))
         except (LookupError, TypeError, ValueError, AttributeError) as error:
             raise ReadError(
                 "this is no report of a shot", path=path, expected=f"schema {SCHEMA}", found=str(error)
@@ -191,7 +196,7 @@ class CampaignReport:
             taken: CampaignShot | str = CampaignShot.of_report(document)
         except ValueError as error:
             taken = str(error)
-        return cls(path, hashlib.sha256(content).hexdigest(), *stated, taken, fault, outputs, thin)
+        return cls(path, hashlib.sha256(content).hexdigest(), *stated, taken, fault, outputs, thin, low_pass)
 
     @property
     def cutoff_hz(self) -> float | None:
@@ -232,6 +237,8 @@ class CampaignReport:
             return Remark(Outdated.CHANGED, None, self.seal_fault)
         if self.thinned:
             return Remark(Outdated.THINNED, None, "is of thinned channels")
+        if self.filter:
+            return Remark(Outdated.FILTER, None, f"is behind another filter, {self.filter}")
         if self.shot().summary is None:
             return Remark(Outdated.NO_SUMMARY, None, "has no summary for campaigns")
         if rig_sha256 and rig_sha256 != self.rig_sha256:

@@ -77,20 +77,34 @@ def _crew(number: int | None, cluster: str | None) -> "AbstractContextManager[Wo
 
 
 def _known_targets(names: list[str] | None) -> list[str] | None:
-    from recoil_identification.targets import TARGETS
+    if names:
+        from recoil_identification.targets import target_names
 
-    for name in names or ():
-        if name not in ("mass", *TARGETS):
-            raise typer.BadParameter(f"{name!r} is none of mass, {', '.join(TARGETS)}")
+        known = ("mass", *target_names())
+        for name in names:
+            if name not in known:
+                raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}")
     return names
 
+
+def _known_filter(name: str) -> str:
+    if name != USUAL_FILTER:
+        from recoil_processing.filters.table import filter_names
+
+        if name not in filter_names():
+            raise typer.BadParameter(f"{name!r} is none of {', '.join(filter_names())}")
+    return name
+
+
+USUAL_FILTER = "butterworth"
+"""Name of the low-pass where none is asked for: what has the others loads numpy."""
 
 TargetOption = Annotated[
     list[str] | None,
     typer.Option(
         callback=_known_targets,
         help="What to identify; may be repeated: mass, parameters, stiffness, breech-force, inertia-force, "
-        "resistance, arx.",
+        "resistance, arx, and those that other packages announce.",
         show_default="mass",
     ),
 ]
@@ -132,6 +146,15 @@ def identify(
             show_default="from the spectra, one for all shots",
         ),
     ] = None,
+    filter_name: Annotated[
+        str,
+        typer.Option(
+            "--filter",
+            metavar="NAME",
+            callback=_known_filter,
+            help="Kind of that low-pass: butterworth, or one that another package announces.",
+        ),
+    ] = USUAL_FILTER,
     window_s: Annotated[
         str, typer.Option(metavar="SECONDS|auto", help="Memory of the trace; auto: the one that predicts best.")
     ] = MEMORY,
@@ -177,7 +200,7 @@ def identify(
                 "--sweep goes with none of --target, --beside, --compare, --header, --pdf, --figures, --workers and "
                 "--cluster"
             )
-        _sweep(shots, sweep, out, (method, cutoff_hz, memory_s), rig, standalone, overwrite, json, debug)
+        _sweep(shots, sweep, out, (method, cutoff_hz, memory_s, filter_name), rig, standalone, overwrite, json, debug)
         return
     with Session(json, debug) as session:
         if workers == 1 or (len(shots) == 1 and shots[0].is_file()):
@@ -221,7 +244,7 @@ def identify(
             others = Others.read(beside)
             others.refuse_before(paths, output)
         with _crew(workers, cluster) as crew:
-            asked = Options(method, cutoff_hz, memory_s, compare=compare)
+            asked = Options(method, cutoff_hz, memory_s, compare=compare, filter=filter_name)
             with session.steps("one cut-off for all shots") as progress:
                 shared = shared_options(paths, asked, rig=rig, workers=crew, progress=progress)
             start = partial(
@@ -253,8 +276,8 @@ def identify(
 
 
 def _sweep(
-    shots: list[Path], text: str, out: Path, asked: "tuple[Method | None, float | None, float | None]", rig: str | None,
-    standalone: bool, overwrite: bool, json: bool, debug: bool,
+    shots: list[Path], text: str, out: Path, asked: "tuple[Method | None, float | None, float | None, str]",
+    rig: str | None, standalone: bool, overwrite: bool, json: bool, debug: bool,
 ) -> None:  # fmt: skip
     if len(shots) != 1 or shots[0].is_dir():
         raise typer.BadParameter("--sweep takes one shot")
@@ -266,6 +289,7 @@ def _sweep(
         from recoil_daq.reports.sweep import Sweep, sweep_shot
         from recoil_identification.shot.identified import Options
 
+        method, cutoff_hz, memory_s, filter_name = asked
         refuse_no_rig(rig or "", "recoil-daq identify SHOT --sweep KEY=LO:HI:STEP --rig RIG")
         try:
             swept = Sweep.of(text)
@@ -273,7 +297,8 @@ def _sweep(
             raise typer.BadParameter(f"--sweep: {error}") from error
         with session.steps("sweep") as progress:
             done = sweep_shot(
-                named_shot(shots[0]), swept, out=out, options=Options(*asked), rig=rig, standalone=standalone,
+                named_shot(shots[0]), swept, out=out, rig=rig,
+                options=Options(method, cutoff_hz, memory_s, filter=filter_name), standalone=standalone,
                 overwrite=overwrite, progress=progress,
             )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)

@@ -232,7 +232,7 @@ def identify_shots(
     options
         Options of each shot file.
     targets
-        Names of targets: ``mass``, or those of `recoil_identification.targets.TARGETS`.
+        Names of targets: ``mass``, or those of `recoil_identification.targets.target_names`.
     rig
         Corrected rig file, as `recoil_daq.reports.identify.identify_file` takes it; None if nothing is corrected.
     workers

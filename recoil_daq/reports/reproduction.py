@@ -41,7 +41,7 @@ from recoil_identification.report.report_files import (
 from recoil_identification.report.reproduction import Comparison, Difference, compare, compare_tables
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
-from recoil_identification.targets import TARGETS, target_function
+from recoil_identification.targets import target_function, target_names
 from recoil_identification.targets.target import Case
 from recoil_identification.targets.target_document import SCHEMA as TARGET_SCHEMA
 from recoil_rigs.tables.issue import Issue
@@ -520,7 +520,7 @@ def find_reports(place: str | Path) -> list[Path]:
 
 def targets_in(folder: Path) -> list[Path]:
     """Return the documents of targets in a folder and in those in it, in the order of their names."""
-    names = [f"{target}.json" for target in TARGETS]
+    names = [f"{target}.json" for target in target_names()]
     return sorted(path for name in names for path in (*folder.glob(name), *folder.glob(f"*/{name}")))
 
 

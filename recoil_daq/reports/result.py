@@ -199,7 +199,7 @@ def identify(
     options
         Options of the command; None for its defaults.
     targets
-        Names of `recoil_identification.targets.TARGETS` to be identified beside the mass.
+        Names of `recoil_identification.targets.target_names` to be identified beside the mass.
 
     Raises
     ------

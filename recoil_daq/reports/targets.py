@@ -70,7 +70,7 @@ def identify_targets(
     Parameters
     ----------
     targets
-        Names of `recoil_identification.targets.TARGETS`.
+        Names of `recoil_identification.targets.target_names`.
     rig
         Corrected rig file, as `recoil_daq.reports.identify.identify_file` takes it; None if nothing is corrected.
     progress

@@ -7,7 +7,7 @@ import logging
 import os
 import sys
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from types import SimpleNamespace
@@ -28,6 +28,7 @@ from recoil_rigs.twin import TwinShot
 from tests.builders import vendor_files
 from tests.builders.own_commands import own_commands
 from tests.other_package.recoil_itx import ItxReader
+from tests.test_contributing import block
 
 PACKAGE = Path(__file__).resolve().parents[1] / "other_package"
 PROJECT = tomllib.loads((PACKAGE / "pyproject.toml").read_text("utf-8"))["project"]
@@ -54,22 +55,33 @@ def test_a_reader_of_another_package_keeps(rule: Callable[[Case, Path], None], t
     rule(CASE, tmp_path)
 
 
-def installed(folder: Path) -> dict[str, str]:
-    """Write what pip would leave of the package; return the environment of a process that has it."""
-    metadata = folder / "recoil_itx-0.1.dist-info"
+def installed(folder: Path, package: str, announced: Mapping[str, Mapping[str, str]], home: Path) -> dict[str, str]:
+    """Write what pip would leave of a package in a folder; return the environment of a process that has it."""
+    metadata = folder / f"{package}-0.1.dist-info"
     metadata.mkdir()
-    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {PROJECT['name']}\nVersion: 0.1\n")
+    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 0.1\n")
     points = [
         f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in entries.items())
-        for group, entries in PROJECT["entry-points"].items()
+        for group, entries in announced.items()
     ]
     (metadata / "entry_points.txt").write_text("\n".join(points))
-    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(PACKAGE), *sys.path])}
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(home), *sys.path])}
+
+
+def recipe_installed(folder: Path, *names: str) -> dict[str, str]:
+    """Write recipes of CONTRIBUTING.md as the modules that they are announced as, as `installed` does."""
+    announced: dict[str, dict[str, str]] = {}
+    for name in names:
+        for group, entries in tomllib.loads(block("announced", name))["project"]["entry-points"].items():
+            announced[group] = entries
+            (module,) = {value.partition(":")[0] for value in entries.values()}
+            (folder / f"{module}.py").write_text(block("recipe", name), encoding="utf-8")
+    return installed(folder, "recipes", announced, folder)
 
 
 @pytest.mark.indispensable("another package")
 def test_show_and_ingest_read_a_format_of_another_package(field_shot: TwinShot, stored: Path, tmp_path: Path) -> None:
-    environment = installed(tmp_path)
+    environment = installed(tmp_path, "recoil_itx", PROJECT["entry-points"], PACKAGE)
     csv, camera = sorted(field_shot.files, key=lambda path: recognise(path).kind, reverse=True)
     recorded = recognise(csv).open(csv, Declarations("dewetron"))
     samples = np.column_stack([recorded.read(header.name) for header in recorded.signals])
@@ -100,10 +112,14 @@ def announced(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
         monkeypatch.setattr(
             importlib.metadata, "entry_points", lambda group: EntryPoints(p for p in points if p.group == group)
         )
-        others.offered.cache_clear()
+        forget()
+
+    def forget() -> None:
+        for kept in (others.offered, others.announced, others.named):
+            kept.cache_clear()
 
     yield announce
-    others.offered.cache_clear()
+    forget()
 
 
 def point(name: str, value: str, group: str = "recoil_daq.readers") -> EntryPoint:
@@ -176,3 +192,33 @@ def test_an_exporter_of_another_package_is_offered(announced: Callable[..., None
     refused = run("export", tmp_path / "no.h5", "--format", "wmv")
     assert refused.exit_code == 2
     assert "flac" in " ".join(refused.output.split())
+
+
+@pytest.mark.indispensable("another package's filter and target")
+def test_identify_filters_and_finds_by_the_recipes_and_explain_makes_it_again(stored: Path, tmp_path: Path) -> None:
+    environment = recipe_installed(tmp_path, "filter", "target")
+    out = tmp_path / "reports"
+    words = ("--filter", "gaussian", "--target", "mass", "--target", "peak-pressure")
+    identify, explain, usual, refused = own_commands(
+        ("identify", stored, *words, "--out", out, "--json"),
+        ("explain", out, "--check", "--shots", stored.parent, "--json"),
+        ("identify", stored, "--out", tmp_path / "usual", "--json"),
+        ("identify", stored, "--filter", "gausian"),
+        env=environment,
+    )
+    assert [identify.code, explain.code, usual.code, refused.code] == [0, 0, 0, 2]
+    document = json.loads(identify.out)
+    (report,), (peak,) = document["reports"], document["targets"]
+    (other,) = json.loads(usual.out)["reports"]
+    assert peak["target"] == "peak-pressure"
+    assert peak["quantities"][0]["value"] == pytest.approx(130.0, rel=0.3)
+    assert report["provenance"]["parameters"]["options"]["filter"] == "gaussian"
+    assert "filter" not in other["provenance"]["parameters"]["options"]
+    assert report["filter"]["cutoff_hz"] == other["filter"]["cutoff_hz"]
+    assert report["filter"]["half_order"] is None
+    assert report["filter"]["description"]["kind"] == "Gaussian"
+    assert "description" not in other["filter"]
+    assert report["mass"]["value"] != other["mass"]["value"]
+    assert report["mass"]["value"] == pytest.approx(other["mass"]["value"], abs=2 * other["mass"]["u"])
+    assert "zero-phase Gaussian low-pass" in (out / "0001" / "report.html").read_text("utf-8")
+    assert len(json.loads(explain.out)["documents"]) == 2

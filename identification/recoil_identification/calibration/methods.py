@@ -46,7 +46,7 @@ from recoil_identification.rows.sensor_priors import RELEASE, ZERO, certificates
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
 from recoil_identification.rows.travel_rows import ForcedTravel, TravelRows
 from recoil_identification.rows.unread_forces import unread_causes
-from recoil_processing.filters import LowPass
+from recoil_processing.filters import LowPassFilter
 from recoil_processing.shot.camera_motion import RecordedMotion
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise, EstimatorInputs
 from recoil_processing.shot.gauge_zero import unrested_zero
@@ -108,7 +108,7 @@ class Beside:
 
 
 def calibrated(
-    inputs: EstimatorInputs, low_pass: LowPass, inertial_m_s2: Array, track: RecordedMotion | None
+    inputs: EstimatorInputs, low_pass: LowPassFilter, inertial_m_s2: Array, track: RecordedMotion | None
 ) -> tuple[Regression, Regression, Calibration, ZeroShift]:
     """Estimate the mass by the accelerometer on the recoiling part, with the camera's frames beside it.
 

@@ -13,7 +13,7 @@ from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.estimate.budget import CHOICE_FACTORS, BudgetRow, with_one_unread_force
 from recoil_identification.estimate.mass import LEAST_ROWS
 from recoil_identification.rows.causes import Cause
-from recoil_processing.filters import LowPass
+from recoil_processing.filters import LowPassFilter
 from recoil_processing.shot.regression import Regression, spaced_rows
 
 LARGEST_CUTOFF_EFFECT = 9e-4
@@ -87,7 +87,7 @@ def corrected_mass(regression: Regression, calibration: Calibration) -> float:
     return float(f @ f / (a @ f))
 
 
-def other_cutoffs(low_pass: LowPass, rate_hz: float) -> list[LowPass]:
+def other_cutoffs(low_pass: LowPassFilter, rate_hz: float) -> list[LowPassFilter]:
     """Return the filters that might have been chosen instead, as far as the grid's rate allows them."""
-    others = [LowPass(factor * low_pass.cutoff_hz, low_pass.half_order) for factor in CHOICE_FACTORS]
-    return [other for other in others if other.design_hz < 0.5 * rate_hz]
+    others = [low_pass.at(factor * low_pass.cutoff_hz) for factor in CHOICE_FACTORS]
+    return [other for other in others if (other.describe().minus_6_db_hz or other.cutoff_hz) < 0.5 * rate_hz]

@@ -139,12 +139,19 @@ def parameters(laid: Sequence[Laid]) -> list[Row]:
         _row(laid, "method", lambda d: d["mass"].get("method")),
         _row(laid, "low-pass / Hz", lambda d: d.get("filter", {}).get("cutoff_hz"), plain),
         _row(laid, "chosen by", lambda d: d.get("filter", {}).get("basis")),
+        *_other_filters(laid),
         _row(laid, "its half order", lambda d: d.get("filter", {}).get("half_order")),
         _row(laid, "low-pass of the fit of the mass / Hz", lambda d: d.get("filter", {}).get("mass_cutoff_hz"), plain),
         _row(laid, "memory (window) / ms", lambda d: d.get("window_s"), lambda s: plain(1e3 * s), 1e3),
         _row(laid, "recoil-daq", lambda d: d["provenance"].get("version")),
         _row(laid, "computed with", lambda d: ", ".join((d["provenance"].get("computer") or {}).values()) or None),
     ]
+
+
+def _other_filters(laid: Sequence[Laid]) -> list[Row]:
+    """List the kinds of low-pass, where one is not the usual one."""
+    kinds = _row(laid, "its kind", lambda d: d.get("filter", {}).get("description", {"kind": "butterworth"})["kind"])
+    return [kinds] if any("description" in one.document.get("filter", {}) for one in laid) else []
 
 
 def results(laid: Sequence[Laid]) -> list[Row]:

@@ -218,7 +218,7 @@ def report_document(
                 },
                 "method": found.route.method,
                 "cutoff_hz": found.route.filtered.low_pass.cutoff_hz if found.route.filtered.low_pass else None,
-                "half_order": found.route.filtered.low_pass.half_order if found.route.filtered.low_pass else None,
+                "half_order": found.route.filtered.low_pass.describe().order if found.route.filtered.low_pass else None,
                 "window_s": found.options.window_s,
                 **stated(estimate, "rows", "residual_m_s2"),
             },

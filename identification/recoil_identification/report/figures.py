@@ -34,7 +34,7 @@ from recoil_identification.report.measured_figures import (
 )
 from recoil_identification.shot.identified import Identification
 from recoil_identification.shot.method_result import CORRECTED
-from recoil_processing.filters import LowPass
+from recoil_processing.filters import LowPassFilter
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals, on_grid
 from recoil_processing.spectra.spectrum import multitaper
@@ -92,7 +92,7 @@ def _mass(found: Identification) -> Figure:
     )
 
 
-def _cutoff(low_pass: LowPass | None) -> float:
+def _cutoff(low_pass: LowPassFilter | None) -> float:
     return low_pass.cutoff_hz if low_pass is not None else math.nan
 
 

@@ -145,11 +145,12 @@ def conditioning(report: Report) -> list[str]:
     if said.get("cutoff_hz") is not None:
         basis = {"given": "as asked for", "shot": "chosen from this shot's spectra",
                  "campaign": "chosen from the spectra of all shots together", "default": "a fixed one"}  # fmt: skip
-        order = 2 * said.get("half_order", 4)
+        kind, order = said.get("description", {}).get("kind", "Butterworth"), said.get("half_order", 4)
+        of_order = "" if order is None else f" of order {2 * order}"
         if report["mass"].get("method") == "camera":
             sentences.append("The mass is that of displacement and forces as recorded; no filter is in it.")
         sentences.append(
-            f"Both sides of the equation of motion pass one zero-phase Butterworth low-pass of order {order}, "
+            f"Both sides of the equation of motion pass one zero-phase {kind} low-pass{of_order}, "
             f"-3 dB at {plain(float(significant(said['cutoff_hz'], 3)))} Hz, {basis.get(str(said.get('basis')), '')}: "
             f"{said.get('reason', '')}."
         )

@@ -16,14 +16,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import integrate
-from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression
 
 Array = NDArray[np.float64]
@@ -114,7 +113,7 @@ def _behind(regression: Regression, share: float, column: Array) -> Array:
     low_pass = regression.low_pass
     if low_pass is None:
         return column
-    return replace(low_pass, cutoff_hz=share * low_pass.cutoff_hz).apply(column, regression.rate_hz)
+    return low_pass.at(share * low_pass.cutoff_hz).apply(column, regression.rate_hz)
 
 
 def _upper_half(regression: Regression, rows: NDArray[np.intp], mass_kg: float) -> float:
@@ -127,7 +126,7 @@ def _upper_half(regression: Regression, rows: NDArray[np.intp], mass_kg: float) 
     if low_pass is None or not rows.size:
         return 0.0
     upper = (left - _behind(regression, 0.5, left))[rows]
-    half = LowPass(0.5 * low_pass.cutoff_hz, low_pass.half_order)
+    half = low_pass.at(0.5 * low_pass.cutoff_hz)
     hz = np.linspace(0.0, min(4.0 * low_pass.cutoff_hz, 0.499 * regression.rate_hz), 2000)
     whole = low_pass.gain(hz, regression.rate_hz) ** 2
     kept = float((whole * (1.0 - half.gain(hz, regression.rate_hz)) ** 2).sum() / whole.sum())

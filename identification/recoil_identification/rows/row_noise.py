@@ -23,7 +23,7 @@ from recoil_identification.rows.camera_rows import CameraRows
 from recoil_identification.rows.equation_of_motion import PIECES, ramps
 from recoil_identification.rows.motion_noise import PARTS, MotionParts
 from recoil_processing.double_integral import integrate
-from recoil_processing.filters import LowPass
+from recoil_processing.filters import LowPassFilter
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
 from recoil_processing.shot.regression import Regression, spaced_rows
 
@@ -231,7 +231,7 @@ class _Kernel(ReadOnlyArrays):
 
     @staticmethod
     @lru_cache(maxsize=8)
-    def of(low_pass: LowPass, rate_hz: float) -> _Kernel:
+    def of(low_pass: LowPassFilter, rate_hz: float) -> _Kernel:
         """Return the response of a filter at a rate; all covariances of a shot ask for one."""
         samples = math.ceil(REACH * rate_hz / low_pass.cutoff_hz)
         impulse = np.zeros(2 * samples + 1)

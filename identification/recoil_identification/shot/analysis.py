@@ -108,7 +108,9 @@ def _route_by_accelerometer(fired: FiredShot, options: Options, method: Method) 
     prepared = prepare(fired)
     signals, recorded = prepared.signals, prepared.recorded
     camera, camera_clock = prepared.camera, prepared.camera_clock
-    choice = choose_filter(recorded, fired.shot, given_hz=options.cutoff_hz, campaign=options.campaign)
+    choice = choose_filter(
+        recorded, fired.shot, options.low_pass, given_hz=options.cutoff_hz, campaign=options.campaign
+    )
     low_pass = choice.low_pass
     scales = scale_uncertainty(fired.rig, recorded.motion_role)
     track = recorded_motion(signals, prepared.seen_m_s2, camera, camera_clock)

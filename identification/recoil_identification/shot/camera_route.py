@@ -12,7 +12,7 @@ from recoil_identification.calibration.uncertainty import contributions
 from recoil_identification.estimate.mass import ACCELERATION, MassEstimate, reverse_mass
 from recoil_identification.rows.causes import causes_of
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
-from recoil_processing.filters import LowPass
+from recoil_processing.filters import LowPassFilter
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.kinematics import AngularMotion, kinematic_acceleration
 from recoil_processing.shot.regression import Regression
@@ -64,7 +64,7 @@ def regression_by_camera(
     rig: Rig,
     camera: Channel,
     alignment: ClockAlignment,
-    low_pass: LowPass,
+    low_pass: LowPassFilter,
     *,
     longest_gap_s: float = 0.0,
 ) -> Regression:
@@ -91,7 +91,7 @@ def regression_by_camera(
     IdentificationError
         If too few frames are left.
     """
-    slow = LowPass(min(low_pass.cutoff_hz, LARGEST_CUTOFF_HZ), low_pass.half_order)
+    slow = low_pass.at(min(low_pass.cutoff_hz, LARGEST_CUTOFF_HZ))
     acceleration, made_of = kinematic_acceleration(
         signals, rig, motion, camera, alignment, slow, longest_gap_s=longest_gap_s
     )

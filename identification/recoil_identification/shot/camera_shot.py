@@ -16,7 +16,6 @@ from recoil_identification.shot.filter_choice import LARGEST_SHARE_OF_RATE, Filt
 from recoil_identification.shot.identified import Options
 from recoil_identification.shot.route import Route
 from recoil_identification.shot.verdict import require_explained
-from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.forced_recoil import missing_forces
 from recoil_processing.shot.regression import MASS_ROLES, PRESSURE_ROLES
 from recoil_processing.shot.signals import collect_signals
@@ -92,7 +91,8 @@ def route_by_camera(fired: FiredShot, options: Options) -> Route:
 def _slow_filter(shot: Shot, options: Options) -> FilterChoice:
     """Choose the low-pass of the mass over time; the mass itself passes none."""
     if options.cutoff_hz is not None and options.cutoff_hz < LARGEST_CUTOFF_HZ:
-        return FilterChoice(LowPass(options.cutoff_hz), "given", None, f"{options.cutoff_hz:g} Hz were asked for")
+        low_pass = options.low_pass.at(options.cutoff_hz)
+        return FilterChoice(low_pass, "given", None, f"{options.cutoff_hz:g} Hz were asked for")
     rates = [c.time_base.rate_hz for c in shot.channels.values() if c.role in MASS_ROLES]
     slowest = min((rate for rate in rates if math.isfinite(rate)), default=math.inf)
     cutoff_hz = min(LARGEST_CUTOFF_HZ, LARGEST_SHARE_OF_RATE * slowest)
@@ -100,4 +100,4 @@ def _slow_filter(shot: Shot, options: Options) -> FilterChoice:
         f"the fixed {cutoff_hz:g} Hz: a displacement that is differentiated twice for the mass over time bears no more"
         + ("" if options.cutoff_hz is None else f", {options.cutoff_hz:g} Hz were asked for")
     )
-    return FilterChoice(LowPass(cutoff_hz), "default", None, reason)
+    return FilterChoice(options.low_pass.at(cutoff_hz), "default", None, reason)

@@ -16,7 +16,7 @@ import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
-from recoil_processing.filters import LowPass
+from recoil_processing.filters import LowPass, LowPassFilter
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.regression import MASS_ROLES, Regression
 from recoil_processing.shot.thinned import thinned_beside
@@ -62,7 +62,7 @@ class FilterChoice:
         Reason in words.
     """
 
-    low_pass: LowPass
+    low_pass: LowPassFilter
     basis: Basis
     cutoff: CutoffChoice | None
     reason: str
@@ -79,11 +79,13 @@ class FilterChoice:
         }  # fmt: skip
         return {
             "cutoff_hz": self.low_pass.cutoff_hz,
-            "half_order": self.low_pass.half_order,
+            "half_order": self.low_pass.describe().order,
             "basis": self.basis,
             "confidence": None if said is None else said.confidence,
             "reason": self.reason,
             **{key: value if math.isfinite(value) else None for key, value in figures.items()},
+            # of the usual filter its order says all
+            **({} if isinstance(self.low_pass, LowPass) else {"description": self.low_pass.describe().to_json()}),
         }
 
 
@@ -110,7 +112,7 @@ def campaign_choice(shots: Sequence[Mapping[str, ShotSpectrum]]) -> CutoffChoice
 
 def mass_filter(
     recorded: Regression, choice: FilterChoice, given_hz: float | None = None, tube_hz: float = 0.0
-) -> LowPass:
+) -> LowPassFilter:
     """Return the low-pass of the fit of the mass: the force's own band, within that of the choice.
 
     A mass is one number, and the force tells it where the force has its energy; the trace over time and peaks need
@@ -127,7 +129,7 @@ def mass_filter(
     """
     tube_hz = LARGEST_SHARE_OF_TUBE * tube_hz or math.inf
     if given_hz is not None and given_hz < 0.5 * recorded.rate_hz:
-        return LowPass(min(given_hz, tube_hz), choice.low_pass.half_order)
+        return choice.low_pass.at(min(given_hz, tube_hz))
     if choice.basis == "given":
         return choice.low_pass
     lost = not recorded.trusted[recorded.inside].all()
@@ -137,7 +139,7 @@ def mass_filter(
     if not recorded.recoils_once:
         # a force that stays the same throughout has its energy at nothing, and the rows must be enough all the same
         coherent = min(max(coherent, ROWS_OF_A_STROKE / (2.0 * recorded.stroke_s)), choice.low_pass.cutoff_hz)
-    return LowPass(coherent, choice.low_pass.half_order)
+    return choice.low_pass.at(coherent)
 
 
 def coherent_hz(recorded: Regression, most_hz: float) -> float:
@@ -195,8 +197,9 @@ def campaign_band_hz(bands_hz: Sequence[float], choice: CutoffChoice | None) -> 
 
 
 def choose_filter(
-    recorded: Regression, shot: Shot, *, given_hz: float | None = None, campaign: CutoffChoice | None = None
-) -> FilterChoice:
+    recorded: Regression, shot: Shot, kind: LowPassFilter, *, given_hz: float | None = None,
+    campaign: CutoffChoice | None = None,
+) -> FilterChoice:  # fmt: skip
     """Choose the low-pass of one shot's regression.
 
     Parameters
@@ -205,6 +208,8 @@ def choose_filter(
         Regression as recorded.
     shot
         Shot, for the rates of the forces' channels.
+    kind
+        Filter whose cut-off is chosen.
     given_hz
         The user's own cut-off; nothing else counts then.
     campaign
@@ -222,7 +227,7 @@ def choose_filter(
                 found=f"{recorded.rate_hz:g} samples/s",
                 remedy="ask for a lower one, or for none",
             )
-        return FilterChoice(LowPass(given_hz), "given", None, f"{given_hz:g} Hz were asked for")
+        return FilterChoice(kind.at(given_hz), "given", None, f"{given_hz:g} Hz were asked for")
     basis: Basis = "shot" if campaign is None else "campaign"
     said = campaign_choice([force_spectra(recorded)]) if campaign is None else campaign
     of_mass = (*MASS_ROLES, *FORCE_ROLES, "recoil_velocity")
@@ -231,16 +236,16 @@ def choose_filter(
     most_hz = LARGEST_SHARE_OF_RATE * slowest
     if said is not None and said.cutoff_hz is not None and said.confidence == "sure":
         if said.cutoff_hz <= most_hz:
-            return FilterChoice(LowPass(said.cutoff_hz, said.half_order), basis, said, said.reason)
+            return FilterChoice(kind.at(said.cutoff_hz), basis, said, said.reason)
         reason = (
             f"the spectra would allow {said.cutoff_hz:.4g} Hz, but a force is sampled at {slowest:.4g} Hz only; "
             f"{said.reason}"
         )
-        return FilterChoice(LowPass(most_hz, said.half_order), basis, said, reason)
+        return FilterChoice(kind.at(most_hz), basis, said, reason)
     why = "the record allows no spectrum" if said is None else said.reason
     # a pulse on a line may be far shorter than a gun's
     band_hz = 0.0 if recorded.recoils_once else force_band_hz(recorded) or 0.0
     cutoff_hz = min(
         max(DEFAULT_CUTOFF_HZ, BANDS_OF_A_LINE * band_hz), most_hz, LARGEST_SHARE_OF_RATE * recorded.rate_hz
     )
-    return FilterChoice(LowPass(cutoff_hz), "default", said, f"the fixed {cutoff_hz:g} Hz: {why}")
+    return FilterChoice(kind.at(cutoff_hz), "default", said, f"the fixed {cutoff_hz:g} Hz: {why}")

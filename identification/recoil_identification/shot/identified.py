@@ -33,6 +33,8 @@ from recoil_identification.shot.force_checks import ForceCheck
 from recoil_identification.shot.route import Route
 from recoil_identification.shot.shot_summary import ShotSummary
 from recoil_identification.shot.stress_waves import StressWaves
+from recoil_processing.filters import LowPassFilter
+from recoil_processing.filters.table import USUAL, filter_names, filter_of
 from recoil_processing.quality.repeatability import ShotPeaks
 from recoil_processing.shot.error_source import ErrorSource
 from recoil_processing.shot.regression import spaced_rows
@@ -62,6 +64,8 @@ class Options:
         Cut-off of the low-pass of the fit of the mass, for several shots; None to take the force's own band.
     compare
         Whether those of `FURTHER` are all computed.
+    filter
+        Name of the low-pass, of `recoil_processing.filters.table.filter_names`.
     thin
         Whether channels faster than `recoil_processing.shot.thinned.THINNED_ABOVE_HZ` are thinned: for the number soon
         after the shot.
@@ -69,7 +73,7 @@ class Options:
     Raises
     ------
     ValueError
-        If the method is unknown, or cut-off or window are not positive.
+        If method or filter are unknown, or cut-off or window are not positive.
     """
 
     method: Method | None = None
@@ -79,15 +83,23 @@ class Options:
     compare: bool = False
     mass_cutoff_hz: float | None = None
     thin: bool = False
+    filter: str = USUAL
 
     def __post_init__(self) -> None:
         known = tuple(dict.fromkeys((*METHODS, *CAMERA_METHODS, *FURTHER)))
         if self.method is not None and self.method not in known:
             raise ValueError(f"method must be one of {', '.join(known)}, not {self.method!r}")
+        if self.filter != USUAL and self.filter not in filter_names():
+            raise ValueError(f"filter must be one of {', '.join(filter_names())}, not {self.filter!r}")
         for name in ("cutoff_hz", "window_s", "mass_cutoff_hz"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be positive, not {value}")
+
+    @property
+    def low_pass(self) -> LowPassFilter:
+        """The low-pass, of some cut-off; IdentificationError if it is of another package and does not work."""
+        return filter_of(self.filter)
 
     @classmethod
     def of_json(cls, stated: Mapping[str, Any]) -> Options:
@@ -98,7 +110,9 @@ class Options:
 
     def to_json(self) -> dict[str, Any]:
         """Return all of them in JSON types: with them a shot is identified again."""
-        return {**asdict(self), "campaign": None if self.campaign is None else self.campaign.to_json()}
+        stated = {**asdict(self), "campaign": None if self.campaign is None else self.campaign.to_json()}
+        # the usual filter is not named: a report of a version that had no other is the same
+        return {name: value for name, value in stated.items() if (name, value) != ("filter", USUAL)}
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.mass import MassEstimate
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
 from recoil_identification.shot.filter_choice import FilterChoice
-from recoil_processing.filters import LowPass
+from recoil_processing.filters import LowPassFilter
 from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
@@ -77,7 +77,7 @@ class Route(ReadOnlyArrays):
     filtered: Regression
     fitted: Regression
     filter_choice: FilterChoice
-    mass_low_pass: LowPass
+    mass_low_pass: LowPassFilter
     calibration: Calibration
     estimates: Mapping[str, MassEstimate]
     regressions: Mapping[str, Regression]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from recoil_identification.shot.filter_choice import FilterChoice
 from recoil_processing.shot.signals import Signals
-from recoil_processing.spectra.cutoff import CutoffChoice, refusal
+from recoil_processing.spectra.cutoff import refusal
 from recoil_processing.stress_waves.stress_wave import StressWaveReport, strip_stress_waves
 from recoil_rigs.shots.fired_shot import FiredShot
 
@@ -40,8 +40,9 @@ def find_stress_waves(fired: FiredShot, signals: Signals, choice: FilterChoice) 
     choice
         Filter of the regression: all channels pass the same filter.
     """
-    said = refusal(choice.reason, choice.low_pass.half_order) if choice.cutoff is None else choice.cutoff
-    cutoff = _with_filter(said, choice)
+    said = refusal(choice.reason) if choice.cutoff is None else choice.cutoff
+    # the filter that was taken, in the place of the one that the spectra alone would have chosen
+    cutoff = replace(said, cutoff_hz=choice.low_pass.cutoff_hz)
     found = []
     for role, quantity in RINGING_ROLES.items():
         if role not in fired.roles or role not in signals.series:
@@ -56,11 +57,7 @@ def find_stress_waves(fired: FiredShot, signals: Signals, choice: FilterChoice) 
             u_onset_s=U_ONSET_SAMPLES * signals.step_s,
             quantity=quantity,
             choice=cutoff,
+            low_pass=choice.low_pass,
         )
         found.append(StressWaves(channel.name, role, channel.unit, report))
     return tuple(found)
-
-
-def _with_filter(said: CutoffChoice, choice: FilterChoice) -> CutoffChoice:
-    """Put the filter that was taken in the place of the one that the spectra alone would have chosen."""
-    return replace(said, cutoff_hz=choice.low_pass.cutoff_hz, half_order=choice.low_pass.half_order)

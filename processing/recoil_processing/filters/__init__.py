@@ -5,7 +5,8 @@
 `ChannelFrequencyClass`      SAE J211-1 and ISO 6487, for reports that must be comparable
 ===========================  ==================================================================================
 
-`filter_alike` passes the columns of one regression through one of them.
+`filter_alike` passes the columns of one regression through one of them; `recoil_processing.filters.table` has those
+that an identification can be given by name.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from __future__ import annotations
 from recoil_processing.filters.butterworth import ROWS_PER_CUTOFF, LowPass
 from recoil_processing.filters.channel_frequency_class import ChannelFrequencyClass
 from recoil_processing.filters.filtered import Filtered, filter_alike
-from recoil_processing.filters.zero_phase_filter import FilterDescription, ZeroPhaseFilter
+from recoil_processing.filters.zero_phase_filter import FilterDescription, LowPassFilter, ZeroPhaseFilter
 
 __all__ = [
     "ROWS_PER_CUTOFF",
@@ -21,6 +22,7 @@ __all__ = [
     "FilterDescription",
     "Filtered",
     "LowPass",
+    "LowPassFilter",
     "ZeroPhaseFilter",
     "filter_alike",
 ]

@@ -8,7 +8,7 @@ two passes together, at any sampling rate.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar
 
@@ -104,6 +104,10 @@ class LowPass:
         1 % is left of a disturbance that lasts.
         """
         return _TIME_CONSTANTS / (2 * math.pi * self.design_hz * math.sin(math.pi / (2 * self.half_order)))
+
+    def at(self, cutoff_hz: float) -> LowPass:
+        """Return a filter of the same order with another cut-off; errors as of the class."""
+        return replace(self, cutoff_hz=cutoff_hz)
 
     def reach_samples(self, rate_hz: float) -> int:
         """Return the number of samples over which a single one spreads to either side at a sampling rate.

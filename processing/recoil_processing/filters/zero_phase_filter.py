@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,6 +132,38 @@ class ZeroPhaseFilter(Protocol):
 
     def describe(self, rate_hz: float | None = None) -> FilterDescription:
         """Say what the filter is, at a sampling rate or in the limit of high rates."""
+        ...
+
+
+@runtime_checkable
+class LowPassFilter(ZeroPhaseFilter, Protocol):
+    """A linear low-pass without phase that an identification can be given, whose cut-off it chooses from the data.
+
+    It is a value: two of one kind and cut-off are equal and hash alike, as frozen data classes do.
+    """
+
+    @property
+    def cutoff_hz(self) -> float:
+        """Frequency at which its amplitude is ``1/sqrt(2)``."""
+        ...
+
+    @property
+    def reach_s(self) -> float:
+        """Time over which a sample spreads to either side, s, in the limit of high rates: see `reach_samples`."""
+        ...
+
+    def at(self, cutoff_hz: float) -> Self:
+        """Return a filter of the same kind with another cut-off.
+
+        Raises
+        ------
+        ValueError
+            If the cut-off is not positive and finite.
+        """
+        ...
+
+    def __hash__(self) -> int:
+        """Hash of kind and cut-off: what is made of a filter is kept for the next shot."""
         ...
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_processing.filters import LowPass
+from recoil_processing.filters import LowPassFilter
 from recoil_processing.quality.limits import LIMITS, Outcome
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class ShotPeaks:
     filtered: float
 
 
-def shot_peaks(shot: str, samples: Array, rate_hz: float, low_pass: LowPass) -> ShotPeaks:
+def shot_peaks(shot: str, samples: Array, rate_hz: float, low_pass: LowPassFilter) -> ShotPeaks:
     """Find the peaks of one channel in one shot.
 
     Parameters

@@ -21,7 +21,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.alignment.motion_alignment import INFLATIONS
 from recoil_processing.double_integral import integrate
-from recoil_processing.filters import Filtered, LowPass, filter_alike
+from recoil_processing.filters import Filtered, LowPass, LowPassFilter, filter_alike
 from recoil_processing.gaps import bridge
 from recoil_processing.motion.derivative import second_derivative
 from recoil_processing.motion.fusion import FusedMotion, fuse
@@ -205,7 +205,7 @@ def kinematic_acceleration(
     motion: AngularMotion,
     camera: Channel,
     alignment: ClockAlignment,
-    low_pass: LowPass,
+    low_pass: LowPassFilter,
     *,
     longest_gap_s: float = 0.0,
 ) -> tuple[Array, Filtered]:

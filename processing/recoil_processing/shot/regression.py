@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_processing.filters import Filtered, LowPass, filter_alike
+from recoil_processing.filters import Filtered, LowPassFilter, filter_alike
 from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.release import FEWEST, end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.signals import Signals
@@ -122,10 +122,10 @@ class Regression(ReadOnlyArrays):
         return self.speed_m_s is None
 
     @property
-    def low_pass(self) -> LowPass | None:
+    def low_pass(self) -> LowPassFilter | None:
         """The filter that both sides have passed; None for recorded signals."""
         found = None if self.table is None else self.table.zero_phase
-        return found if isinstance(found, LowPass) else None
+        return found if isinstance(found, LowPassFilter) else None
 
     @property
     def rms_release_n_s(self) -> float:
@@ -157,7 +157,7 @@ class Regression(ReadOnlyArrays):
         # on a line the cut-off is as low as the force allows: there is nothing below it
         if low_pass is None or not self.recoils_once:
             return column
-        return replace(low_pass, cutoff_hz=SLOWER * low_pass.cutoff_hz).apply(column, self.rate_hz)
+        return low_pass.at(SLOWER * low_pass.cutoff_hz).apply(column, self.rate_hz)
 
     @cached_property
     def smooth_force_n(self) -> Array:
@@ -205,7 +205,7 @@ class Regression(ReadOnlyArrays):
         # what the filter spreads rings: where it crosses zero it is there all the same
         return ~np.logical_or.accumulate(turned & (self.times_s >= 0.5 * sum(self.interval_s)))
 
-    def filtered(self, low_pass: LowPass) -> Regression:
+    def filtered(self, low_pass: LowPassFilter) -> Regression:
         """Pass every column through one and the same filter.
 
         A column with lost samples is bridged for the filter, and everything within its reach of the
@@ -233,7 +233,7 @@ class Regression(ReadOnlyArrays):
         )
         return plain if self.shifts is None else plain.with_shifts(self.shifts)
 
-    def _at_an_end(self, low_pass: LowPass) -> Flags:
+    def _at_an_end(self, low_pass: LowPassFilter) -> Flags:
         """Return what lies within a period of the cut-off of a record's ends, beyond which a body moves on, shape (n,).
 
         What the filter would have needed of the motion there was not recorded.

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_processing.filters import LowPass
+from recoil_processing.filters import LowPassFilter
 from recoil_processing.gaps import bridge, near
 from recoil_processing.spectra.cutoff import CutoffChoice, choose_cutoff
 from recoil_processing.spectra.spectral_gap import rest_level, shot_window
@@ -64,6 +64,7 @@ def strip_stress_waves(
     u_onset_s: float = math.inf,
     quantity: str = "acceleration",
     choice: CutoffChoice | None = None,
+    low_pass: LowPassFilter | None = None,
     find_modes: bool = True,
 ) -> StressWaveReport:
     """Take the stress waves off one channel of one shot.
@@ -83,6 +84,8 @@ def strip_stress_waves(
         See `recoil_processing.spectra.spectral_gap.ROLL_OFF`.
     choice
         A cut-off chosen before, for the campaign or for all channels; None chooses one for this record.
+    low_pass
+        Filter of that cut-off; None for the one that the choice names.
     find_modes
         Whether to look for the modes, which takes longer than all the rest.
 
@@ -97,7 +100,7 @@ def strip_stress_waves(
     if choice is None:
         choice = choose_cutoff(samples, rate_hz, onset_index=onset_index, quantity=quantity)
     lost = np.isnan(samples)
-    low_pass = choice.low_pass
+    low_pass = low_pass or choice.low_pass
     if low_pass is None or np.count_nonzero(~lost) < 2:
         return StressWaveReport(choice, samples.copy(), ~lost, (), 0.0)
     whole = bridge(samples)
@@ -122,7 +125,7 @@ def strip_stress_waves(
 
 
 def filter_about_onset(
-    samples: Array, rate_hz: float, low_pass: LowPass, *, onset_s: float, u_onset_s: float
+    samples: Array, rate_hz: float, low_pass: LowPassFilter, *, onset_s: float, u_onset_s: float
 ) -> tuple[Array, bool]:
     """Low-pass filter a record, reflected about its onset where that is known well enough.
 
@@ -173,7 +176,7 @@ def filter_about_onset(
     return np.concatenate([at_rest, motion]), True
 
 
-def onset_known_well_enough(low_pass: LowPass, u_onset_s: float) -> bool:
+def onset_known_well_enough(low_pass: LowPassFilter, u_onset_s: float) -> bool:
     """Return whether the onset is known well enough for the reflection to help.
 
     Parameters

@@ -9,13 +9,13 @@ low-pass and are decimated together, so that the transfer function between them 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass, filter_alike
+from recoil_processing.filters import ROWS_PER_CUTOFF, LowPassFilter, filter_alike
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
@@ -50,7 +50,7 @@ class DecimatedRecord(ReadOnlyArrays):
     rows: Flags
     step_s: float
     stride: int
-    low_pass: LowPass | None
+    low_pass: LowPassFilter | None
 
     @property
     def rate_hz(self) -> float:
@@ -91,7 +91,7 @@ def decimated(
     stride = 1
     if low_pass is not None:
         if share < 1.0:
-            low_pass = replace(low_pass, cutoff_hz=share * low_pass.cutoff_hz)
+            low_pass = low_pass.at(share * low_pass.cutoff_hz)
             table = filter_alike(low_pass, {"acceleration": acceleration, "force": force}, regression.rate_hz)
             trusted = trusted & table.trusted
             acceleration, force = (np.where(trusted, table[name], np.nan) for name in ("acceleration", "force"))
@@ -108,7 +108,7 @@ def decimated(
     )
 
 
-def force_noise_n(signals: Signals, forces: Sequence[ForceInput], low_pass: LowPass) -> float:
+def force_noise_n(signals: Signals, forces: Sequence[ForceInput], low_pass: LowPassFilter) -> float:
     """Return the standard deviation of the gauges' noise in the force behind a low-pass, from the pre-trigger baseline.
 
     Parameters

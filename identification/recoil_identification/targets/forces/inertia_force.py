@@ -31,7 +31,7 @@ from recoil_identification.targets.parameters.recorded_rows import mechanism_row
 from recoil_identification.targets.parameters.sensor_errors import RELEASED
 from recoil_identification.targets.parameters.target import camera_observation, require_motion, without_lines
 from recoil_identification.targets.target import Case
-from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass
+from recoil_processing.filters import ROWS_PER_CUTOFF
 from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
@@ -78,7 +78,7 @@ def find(case: Case) -> Finding:
     rows_hz = ROWS_PER_CUTOFF_OF_SERIES * low_pass.cutoff_hz
 
     def behind(cutoff_hz: float, turning_hz: float) -> MechanismRows:
-        filters = (LowPass(min(low_pass.cutoff_hz, hz), low_pass.half_order) for hz in (cutoff_hz, turning_hz))
+        filters = (low_pass.at(min(low_pass.cutoff_hz, hz)) for hz in (cutoff_hz, turning_hz))
         first, turning = filters
         return mechanism_rows(
             FiredShot(case.fired.shot, without_lines(rig)),

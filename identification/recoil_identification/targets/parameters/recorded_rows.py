@@ -17,7 +17,7 @@ from recoil_identification.targets.parameters.load_cells import LOAD_CELLS
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
 from recoil_identification.targets.parameters.sensor_errors import SensorError, released, sensor_errors
 from recoil_processing.double_integral import integrate
-from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass, filter_alike
+from recoil_processing.filters import ROWS_PER_CUTOFF, LowPassFilter, filter_alike
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.instants import anti_alias_filter
@@ -38,10 +38,10 @@ def mechanism_rows(
     prepared: Prepared,
     recorded: Regression,
     loads: Mapping[str, Array],
-    low_pass: LowPass,
+    low_pass: LowPassFilter,
     *,
     rows_hz: float | None = None,
-    turning: LowPass | None = None,
+    turning: LowPassFilter | None = None,
 ) -> MechanismRows:
     """Filter, thin and describe what a shot recorded for the equations of motion.
 
@@ -158,7 +158,7 @@ def _acting(number: int, name: str) -> str:
     return f"cause {number} of {name}"
 
 
-def _noise(baseline: Columns, low_pass: LowPass, step_s: float) -> dict[str, float]:
+def _noise(baseline: Columns, low_pass: LowPassFilter, step_s: float) -> dict[str, float]:
     """Return the standard deviation of each column behind the low-pass, of angular rates that of their derivatives.
 
     The baseline is filtered alone: the pulse behind it would spread into it.

@@ -33,7 +33,6 @@ from recoil_identification.targets.parameters.tables import (
     table_of_errors,
 )
 from recoil_identification.targets.target import Case
-from recoil_processing.filters import LowPass
 from recoil_processing.shot.camera_motion import motion_fit
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.mechanism.mechanism_regressor import EQUATIONS, LOADS, PARAMETER_UNITS, PARAMETERS
@@ -115,7 +114,7 @@ def fitted(case: Case) -> tuple[MechanismRows, MechanismFit]:
     if loads:
         case.require_symbols("e", "L", purpose=PURPOSE)
     chosen = case.identified.route.filter_choice.low_pass
-    low_pass = LowPass(min(chosen.cutoff_hz, LARGEST_CUTOFF_HZ), chosen.half_order)
+    low_pass = chosen.at(min(chosen.cutoff_hz, LARGEST_CUTOFF_HZ))
     rows = mechanism_rows(FiredShot(case.fired.shot, without_lines(rig)), prepared, prepared.recorded, loads, low_pass)
     return rows, fit_mechanism(rows, camera_observation(case, rows), rig.mechanism.m3)
 

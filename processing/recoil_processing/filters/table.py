@@ -1,0 +1,96 @@
+"""The table of low-passes by which an identification can be asked to filter, by name.
+
+Other packages announce theirs by entry points, under the name by which it is asked for; each leads to a `LowPassFilter`
+of any cut-off, or to a class that is called without arguments::
+
+    [project.entry-points."recoil_daq.filters"]
+    gaussian = "recoil_gaussian:Gaussian"
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from recoil_acquisition.others import announced, at_work, named
+from recoil_processing.filters.butterworth import LowPass
+from recoil_processing.filters.zero_phase_filter import LowPassFilter
+
+GROUP = "recoil_daq.filters"
+"""Entry points by which other packages announce their filters."""
+
+USUAL = "butterworth"
+
+FILTERS: Mapping[str, LowPassFilter] = MappingProxyType({USUAL: LowPass(1.0)})
+"""Name on the command line -> filter, whose cut-off is replaced."""
+
+_TRIED_HZ, _TRIED_RATE_HZ, _TRIED_SAMPLES = 100.0, 10_000.0, 2001
+_TRIED_TO = 1e-6
+_GAIN_TO = 5e-3
+
+
+def filter_names() -> tuple[str, ...]:
+    """Return the names of all filters: those of the table, and those that other packages announce under `GROUP`."""
+    return tuple(dict.fromkeys((*FILTERS, *(point.name for point in announced(GROUP)))))
+
+
+def filter_of(name: str) -> LowPassFilter:
+    """Return the filter of a name, of some cut-off.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name.
+    IdentificationError
+        If it is of another package, which cannot be loaded, or it is no linear low-pass without phase.
+    """
+    if name in FILTERS:
+        return FILTERS[name]
+    if name not in filter_names():
+        raise ValueError(f"filter must be one of {', '.join(filter_names())}, not {name!r}")
+    found = named(GROUP, name)
+    with at_work(f"the filter {name!r} of another package"):
+        if not isinstance(found, LowPassFilter):
+            raise TypeError(f"{type(found).__name__} lacks members of LowPassFilter")
+        require_low_pass(found)
+    return found
+
+
+def require_low_pass(kind: LowPassFilter) -> None:
+    """Try a filter on a pulse.
+
+    Raises
+    ------
+    ValueError
+        If it changes what it is given, returns no numbers of that shape, delays, is not of unit gain at 0 Hz, or does
+        not let through what its `gain` says, ``1/sqrt(2)`` at its cut-off.
+    """
+    tried, again = kind.at(_TRIED_HZ), kind.at(_TRIED_HZ)
+    if tried.cutoff_hz != _TRIED_HZ or tried != again or hash(tried) != hash(again) or tried == kind.at(2 * _TRIED_HZ):
+        raise ValueError("at(cutoff_hz) gives none of that cut-off, or two that are not equal")
+    pulse = np.zeros(_TRIED_SAMPLES)
+    pulse[_TRIED_SAMPLES // 2] = 1.0
+    given = pulse.copy()
+    out, trusted = tried.apply_with_gaps(given, _TRIED_RATE_HZ)
+    both = tried.apply(np.column_stack([pulse, 2.0 * pulse]), _TRIED_RATE_HZ)
+    if out.dtype != np.float64 or out.shape != pulse.shape or both.shape != (pulse.size, 2) or not trusted.all():
+        raise ValueError("of samples it returns no float64 of their shape, each of them trusted")
+    if not np.array_equal(given, pulse):
+        raise ValueError("it changes the samples that it is given")
+    if not np.allclose(both, np.column_stack([out, 2.0 * out]), rtol=0.0, atol=_TRIED_TO):
+        raise ValueError("it filters one channel otherwise than two, or twice the samples not to twice as much")
+    if not np.allclose(out, out[::-1], rtol=0.0, atol=_TRIED_TO):
+        raise ValueError("it is not without phase: of a pulse it makes no symmetric one")
+    hz = np.array([0.0, 0.5, 1.0, 2.0]) * _TRIED_HZ
+    passed = np.abs(np.exp(-2j * np.pi * np.outer(hz, np.arange(pulse.size)) / _TRIED_RATE_HZ) @ out)
+    stated = np.asarray(tried.gain(hz, _TRIED_RATE_HZ))
+    if not (np.allclose(passed, stated, atol=_GAIN_TO) and np.allclose(stated[[0, 2]], [1, 0.5**0.5], atol=_GAIN_TO)):
+        raise ValueError(
+            f"at 0, 1/2, 1 and 2 times its cut-off it lets through {np.round(passed, 4)}, its gain says "
+            f"{np.round(stated, 4)}, and at 0 and 1 it must be 1 and 0.7071"
+        )
+    if not (tried.reach_samples(_TRIED_RATE_HZ) > 0 and tried.reach_s > 0.0):
+        raise ValueError("it reaches over no time")
+    tried.describe(_TRIED_RATE_HZ).to_json()
