@@ -1,6 +1,6 @@
-"""What other packages add, which announce it by entry points.
+"""Parts that other packages add, which announce them by entry points.
 
-A package names it in its ``pyproject.toml``::
+A package names one in its ``pyproject.toml``::
 
     [project.entry-points."recoil_daq.readers"]
     itx = "recoil_itx:ItxReader"

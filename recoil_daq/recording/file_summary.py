@@ -111,9 +111,12 @@ def summarise_file(path: Path, rig: Rig | None = None, database: Path | None = N
     ------
     ReadError
         If no reader or more than one claims the file, it is damaged, or it needs what only a rig declares; if a
-        database is given with a file that holds no CAN frames. A file of which nothing is a signal is none: its
-        contents are listed with what hinders each, and a camera's without time by its frames. Nor is one that no reader
-    recognises and that holds frames of a port, or a table: they are listed as they seem to be.
+        database is given with a file that holds no CAN frames.
+
+    Notes
+    -----
+    Of a file of which nothing is a signal the contents are listed, with what hinders each; of a camera's without time
+    the frames; of one that no reader recognises and that holds frames of a port, or a table, what these seem to be.
     """
     try:
         reader = reader_of(path, rig)

@@ -6,6 +6,7 @@ import ast
 import builtins
 import re
 from collections.abc import Iterator, Sequence
+from functools import cache
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -38,10 +39,16 @@ def modules(package: str) -> list[Path]:
     return sorted((ROOT / package).rglob("*.py"))
 
 
+@cache
+def docstrings(source: str) -> tuple[str, ...]:
+    """Return the docstrings of a module, its own first."""
+    nodes = [node for node in ast.walk(ast.parse(source)) if isinstance(node, DOCUMENTED)]
+    return tuple(filter(None, map(ast.get_docstring, nodes)))
+
+
 def without_subject(source: str) -> list[str]:
     """Return the first lines of a module's docstrings that have no subject."""
-    texts = [ast.get_docstring(node) for node in ast.walk(ast.parse(source)) if isinstance(node, DOCUMENTED)]
-    return [text.splitlines()[0] for text in texts if text and text.split()[0] in WITHOUT_SUBJECT]
+    return [text.splitlines()[0] for text in docstrings(source) if text.split()[0] in WITHOUT_SUBJECT]
 
 
 def entries(docstring: str) -> Iterator[tuple[str, str]]:
@@ -56,9 +63,15 @@ def entries(docstring: str) -> Iterator[tuple[str, str]]:
 
 def without_noun(source: str) -> list[str]:
     """Return the entries of a module's docstrings that do not open with a noun."""
-    texts = [ast.get_docstring(node) or "" for node in ast.walk(ast.parse(source)) if isinstance(node, DOCUMENTED)]
-    told = [entry for text in texts for entry in entries(text)]
+    told = [entry for text in docstrings(source) for entry in entries(text)]
     return [f"{name}: {first}" for name, first in told if first.split()[0].strip(",.;:") in NOT_A_NOUN]
+
+
+def raised_in_prose(source: str) -> list[str]:
+    """Return what stands among the errors of a module's docstrings, where a class is expected, and is no class."""
+    sections = [re.search(r"^Raises\n-+\n((?:(?!.*\n---).*\n?)*)", text, re.MULTILINE) for text in docstrings(source)]
+    lines = [line for section in sections if section for line in section[1].splitlines()]
+    return [line for line in lines if line[:1].strip() and not re.fullmatch(r"[\w.]+(, [\w.]+)*", line)]
 
 
 def texts_of(tree: ast.Module) -> Iterator[str]:
@@ -133,6 +146,12 @@ def test_every_entry_of_attributes_and_parameters_opens_with_a_noun(package: str
 
 
 @pytest.mark.parametrize("package", PACKAGES)
+def test_what_a_docstring_says_is_raised_is_a_class(package: str) -> None:
+    for module in modules(package):
+        assert raised_in_prose(module.read_text("utf-8")) == [], module
+
+
+@pytest.mark.parametrize("package", PACKAGES)
 def test_every_reference_of_a_docstring_resolves(package: str) -> None:
     floor = package.rsplit("/", maxsplit=1)[-1]
     for module in modules(package):
@@ -151,6 +170,11 @@ def test_an_entry_without_a_noun_is_found() -> None:
     section = "    Attributes\n    ----------\n    a\n        Of it.\n    b\n        Name of it.\n"
     source = f'class A:\n    """One.\n\n{section}    """'
     assert without_noun(source) == ["a: Of it."]
+
+
+def test_a_line_of_prose_among_the_errors_is_found() -> None:
+    section = "    Raises\n    ------\n    ValueError\n        If it is none. Nor\n    is it one.\n"
+    assert raised_in_prose(f'def f():\n    """Do.\n\n{section}    """') == ["is it one."]
 
 
 def test_a_reference_to_nothing_is_found() -> None:

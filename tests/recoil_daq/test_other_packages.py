@@ -17,17 +17,24 @@ import pytest
 
 from recoil_acquisition import conformance, others
 from recoil_acquisition.conformance import Case
-from recoil_acquisition.errors import CorruptFileError, UnknownFormatError
+from recoil_acquisition.errors import CorruptFileError, IdentificationError, UnknownFormatError
 from recoil_acquisition.exporters.table import EXPORTERS, exporter_names, exporter_of
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import READERS, readers, recognise, surest_claim
 from recoil_acquisition.store import read_shot
+from recoil_identification.shot.identified import Options
+from recoil_identification.targets import GROUP as TARGETS
+from recoil_identification.targets import target_function, target_names
+from recoil_identification.targets.finding import Finding
+from recoil_processing.filters import LowPass
+from recoil_processing.filters.table import GROUP as FILTERS
 from recoil_rigs.twin import TwinShot
 from tests.builders import vendor_files
 from tests.builders.own_commands import own_commands
 from tests.other_package.recoil_itx import ItxReader
+from tests.recoil_daq.conftest import Identified
 from tests.test_contributing import block
 
 PACKAGE = Path(__file__).resolve().parents[1] / "other_package"
@@ -126,7 +133,7 @@ def point(name: str, value: str, group: str = "recoil_daq.readers") -> EntryPoin
     return EntryPoint(name, value, group)
 
 
-class Raising(ItxReader):
+class RaisingReader(ItxReader):
     name = "raising"
 
     def claims(self, head: Head) -> Claim:
@@ -146,7 +153,7 @@ def test_a_package_that_does_not_work_is_told_in_a_line_and_the_others_are_read(
     announced: Callable[..., None], caplog: pytest.LogCaptureFixture
 ) -> None:
     announced(
-        point("a", "no_such_package:Reader"), point("b", f"{HERE}:NOT_A_READER"), point("c", f"{HERE}:Raising"),
+        point("a", "no_such_package:Reader"), point("b", f"{HERE}:NOT_A_READER"), point("c", f"{HERE}:RaisingReader"),
         point("d", f"{HERE}:ItxReader"),
     )  # fmt: skip
     with caplog.at_level(logging.WARNING):
@@ -195,30 +202,119 @@ def test_an_exporter_of_another_package_is_offered(announced: Callable[..., None
 
 
 @pytest.mark.indispensable("another package's filter and target")
-def test_identify_filters_and_finds_by_the_recipes_and_explain_makes_it_again(stored: Path, tmp_path: Path) -> None:
-    environment = recipe_installed(tmp_path, "filter", "target")
+def test_identify_filters_and_finds_by_the_recipes_and_explain_makes_it_again(
+    stored: Path, identified: Identified, tmp_path: Path
+) -> None:
     out = tmp_path / "reports"
     words = ("--filter", "gaussian", "--target", "mass", "--target", "peak-pressure")
-    identify, explain, usual, refused = own_commands(
+    identify, explain, refused = own_commands(
         ("identify", stored, *words, "--out", out, "--json"),
         ("explain", out, "--check", "--shots", stored.parent, "--json"),
-        ("identify", stored, "--out", tmp_path / "usual", "--json"),
-        ("identify", stored, "--filter", "gausian"),
-        env=environment,
+        ("identify", stored, "--filter", "gausian", "--out", out),
+        env=recipe_installed(tmp_path, "filter", "target"),
     )
-    assert [identify.code, explain.code, usual.code, refused.code] == [0, 0, 0, 2]
-    document = json.loads(identify.out)
-    (report,), (peak,) = document["reports"], document["targets"]
-    (other,) = json.loads(usual.out)["reports"]
+    assert [identify.code, explain.code, refused.code] == [0, 0, 2]
+    (report,), (peak,) = (json.loads(identify.out)[key] for key in ("reports", "targets"))
+    gauge = read_shot(stored).by_role("breech_pressure")
+    assert gauge is not None
     assert peak["target"] == "peak-pressure"
-    assert peak["quantities"][0]["value"] == pytest.approx(130.0, rel=0.3)
-    assert report["provenance"]["parameters"]["options"]["filter"] == "gaussian"
-    assert "filter" not in other["provenance"]["parameters"]["options"]
-    assert report["filter"]["cutoff_hz"] == other["filter"]["cutoff_hz"]
-    assert report["filter"]["half_order"] is None
-    assert report["filter"]["description"]["kind"] == "Gaussian"
-    assert "description" not in other["filter"]
-    assert report["mass"]["value"] != other["mass"]["value"]
-    assert report["mass"]["value"] == pytest.approx(other["mass"]["value"], abs=2 * other["mass"]["u"])
-    assert "zero-phase Gaussian low-pass" in (out / "0001" / "report.html").read_text("utf-8")
-    assert len(json.loads(explain.out)["documents"]) == 2
+    assert peak["quantities"][0]["value"] == pytest.approx(1e-6 * float(np.nanmax(gauge.samples)))
+    usual = identified.report
+    assert report["provenance"]["parameters"]["options"].pop("filter") == "gaussian"
+    assert report["provenance"]["parameters"]["options"] == usual["provenance"]["parameters"]["options"]
+    description = report["filter"].pop("description")
+    assert (description["kind"], report["filter"]["half_order"]) == ("Gaussian", None)
+    assert report["filter"] == {**usual["filter"], "half_order": None}
+    assert report["mass"]["value"] != usual["mass"]["value"]
+    assert report["mass"]["value"] == pytest.approx(usual["mass"]["value"], abs=2 * usual["mass"]["u"])
+    assert "</abbr> Gaussian <abbr" in (out / "0001" / "report.html").read_text("utf-8")
+    assert [one["again"] for one in json.loads(explain.out)["reports"]] == [True, True]
+
+
+class Late(LowPass):
+    """A filter that delays."""
+
+    def apply(self, samples, rate_hz):
+        return np.roll(super().apply(samples, rate_hz), 3, axis=0)
+
+
+class Deep(LowPass):
+    """A filter whose cut-off is its -6 dB point."""
+
+    def apply(self, samples, rate_hz):
+        return super().apply(super().apply(samples, rate_hz), rate_hz)
+
+
+class InPlace(LowPass):
+    """A filter that writes over what it is given."""
+
+    def apply_with_gaps(self, samples, rate_hz):
+        samples[:] = self.apply(samples, rate_hz)
+        return samples, np.ones(samples.shape, dtype=np.bool_)
+
+
+class Raising(LowPass):
+    """A filter that does not work."""
+
+    def apply(self, samples, rate_hz):
+        raise RuntimeError(f"{len(samples)} samples\nare too many at {rate_hz:g}")
+
+
+SOUND, LATE, DEEP, IN_PLACE, FAILING = LowPass(1.0, 2), Late(1.0), Deep(1.0), InPlace(1.0), Raising(1.0)
+
+
+def test_a_filter_of_another_package_that_keeps_the_laws_is_taken(announced: Callable[..., None]) -> None:
+    announced(point("second", f"{HERE}:SOUND", FILTERS))
+    assert Options(filter="second").low_pass is SOUND
+    assert Options.of_json(Options(filter="second").to_json()) == Options(filter="second")
+    assert "filter" not in Options().to_json()
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("LATE", "without phase"), ("DEEP", "its gain says"), ("IN_PLACE", "changes the samples"),
+        ("FAILING", r"RuntimeError: 2001 samples\\nare too many"), ("NOT_A_READER", "lacks members of LowPassFilter"),
+        ("no_such", "AttributeError"),
+    ],
+)  # fmt: skip
+def test_a_filter_of_another_package_that_breaks_one_is_refused_in_a_line(
+    name: str, why: str, announced: Callable[..., None]
+) -> None:
+    announced(point("odd", f"{HERE}:{name}", FILTERS))
+    with pytest.raises(IdentificationError, match=why) as refused:
+        Options(filter="odd").low_pass.at(1.0)
+    assert "another package" in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_filter_that_nobody_announces_is_refused_with_the_names_of_all(announced: Callable[..., None]) -> None:
+    announced(point("second", f"{HERE}:SOUND", FILTERS))
+    with pytest.raises(ValueError, match="filter must be one of butterworth, second, not 'third'"):
+        Options(filter="third")
+
+
+def raises(_: object) -> Finding:
+    raise KeyError("x")
+
+
+def of_another_name(_: object) -> Finding:
+    return Finding("other", "Other", "", ())
+
+
+@pytest.mark.parametrize("name", ["raises", "of_another_name", "no_such"])
+def test_a_target_of_another_package_that_does_not_work_is_told_in_a_line(
+    name: str, announced: Callable[..., None]
+) -> None:
+    announced(point("peak", f"{HERE}:{name}", TARGETS), point("../report", f"{HERE}:raises", TARGETS))
+    assert target_names()[-1] == "peak"
+    with pytest.raises(IdentificationError, match=r"another package.* does not work"):
+        target_function("peak")(None)
+    with pytest.raises(ValueError, match=r"target must be one of parameters, .*, peak, not 'report'"):
+        target_function("report")
+
+
+def test_two_targets_of_one_name_are_an_error_that_names_both(announced: Callable[..., None]) -> None:
+    announced(point("peak", f"{HERE}:raises", TARGETS), point("peak", f"{HERE}:of_another_name", TARGETS))
+    with pytest.raises(IdentificationError, match=f"found {HERE}:of_another_name, {HERE}:raises"):
+        target_function("peak")

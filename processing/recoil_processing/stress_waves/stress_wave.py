@@ -155,7 +155,7 @@ def filter_about_onset(
     Raises
     ------
     ValueError
-        As in `onset_known_well_enough` and `LowPass.apply`, or if the onset is not finite.
+        As in `onset_known_well_enough` and `LowPassFilter.apply`, or if the onset is not finite.
     """
     if not math.isfinite(onset_s):
         raise ValueError(f"onset_s must be finite, not {onset_s}")

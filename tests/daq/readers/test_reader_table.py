@@ -233,6 +233,13 @@ def test_readers_do_not_know_each_other() -> None:
     assert chains == []
 
 
+def test_the_page_of_formats_names_every_format() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "formats.md").read_text(encoding="utf-8").casefold()
+    names = [reader.name for reader in (*READERS, *BY_LAYOUT.values())]
+    unnamed = [name for name in names if not all(word in page for word in name.casefold().split())]
+    assert not unnamed
+
+
 def test_names_of_readers_are_unique_and_kinds_are_those_of_sources() -> None:
     assert len({reader.name for reader in READERS}) == len(READERS)
     assert {reader.kind for reader in READERS} == {"dewetron", "can", "camera", "live"}
