@@ -201,6 +201,7 @@ def test_whatever_ends_the_command_its_processes_end_and_leave_nothing_half_writ
     command = subprocess.Popen([sys.executable, script(tmp_path, "half_written")], stderr=subprocess.PIPE, text=True)
     deadline_s = time.monotonic() + 60.0
     while len(half := list(tmp_path.glob("*.partial"))) < 2:
+        assert command.poll() is None, f"the script ended by itself:\n{command.communicate()[1]}"
         assert time.monotonic() < deadline_s
         time.sleep(0.02)
     children = [int(path.stem) for path in half]

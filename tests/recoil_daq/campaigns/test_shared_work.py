@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -46,9 +47,10 @@ def finished(process: subprocess.Popen[str]) -> None:
     assert f"of {len(NAMES)} shots" in said
 
 
-def wait_for(what: Callable[[], bool]) -> None:
+def wait_for(process: subprocess.Popen[Any], what: Callable[[], bool]) -> None:
     deadline_s = time.monotonic() + LONG_S
     while not what():
+        assert process.poll() is None, f"it ended by itself: {process.communicate()}"
         assert time.monotonic() < deadline_s
         time.sleep(0.01)
 
@@ -71,7 +73,7 @@ def test_a_run_that_was_killed_is_taken_up_again(
 ) -> None:
     out = tmp_path / "campaign"
     process = started(shots, out, "--workers", "2")
-    wait_for(lambda: any(out.glob("reports/*/report.json")))
+    wait_for(process, lambda: any(out.glob("reports/*/report.json")))
     process.send_signal(signal.SIGKILL)
     process.communicate()
     kept = {path: path.stat().st_mtime_ns for path in out.glob("reports/*/report.json")}
@@ -103,8 +105,8 @@ def scheduler(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes
             stack.callback(process.kill)
             return process
 
-        start("distributed.cli.dask_scheduler", "--port", "0")
-        wait_for(lambda: file.exists() and file.read_text().endswith("}"))
+        alone = start("distributed.cli.dask_scheduler", "--port", "0")
+        wait_for(alone, lambda: file.exists() and file.read_text().endswith("}"))
         workers = [start("distributed.cli.dask_worker", "--nthreads", "1", "--no-nanny") for _ in range(2)]
         address = json.loads(file.read_text())["address"]
         from distributed import Client
@@ -126,7 +128,7 @@ def test_machines_of_a_cluster_give_the_same_bytes_though_one_is_lost(
     with Client(address, set_as_default=False) as client:
         (lost,) = [place for place, pid in client.run(os.getpid).items() if pid == workers[0].pid]
         # in the middle: a report is there, and the worker is at another one
-        wait_for(lambda: any(out.glob("reports/*/report.json")) and bool(client.processing()[lost]))
+        wait_for(process, lambda: any(out.glob("reports/*/report.json")) and bool(client.processing()[lost]))
         workers[0].kill()
     assert not (out / "campaign.json").exists()
     finished(process)
