@@ -664,6 +664,7 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.exhaustive
 def test_a_disk_that_changes_the_last_bit_of_a_sample_is_found_out_before_the_rename(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -718,6 +719,7 @@ def _run(prepare: str, path: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.exhaustive
 def test_a_killed_writer_leaves_no_file_of_the_final_name(tmp_path: Path) -> None:
     result = _run("import os\nos.fsync = lambda handle: os.kill(os.getpid(), 9)", tmp_path / "s.h5")
     assert result.returncode != 0
@@ -726,6 +728,7 @@ def test_a_killed_writer_leaves_no_file_of_the_final_name(tmp_path: Path) -> Non
     write_shot(make_shot(), tmp_path / "s.h5")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(os.name == "nt", reason="a limit of the file size stands in for a full disk; Windows has none")
 def test_a_full_disk_is_one_line_and_leaves_nothing_behind(tmp_path: Path) -> None:
     limit = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))"

@@ -18,6 +18,7 @@ from tests.builders.serial_packets import cobs
 WHOLE = [type_ for type_ in TYPE_SIZES if type_[0] in "ui"]
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=300, deadline=None)
 @given(type_=st.sampled_from(list(TYPE_SIZES)), big_endian=st.booleans(), data=st.data())
 def test_one_number_and_many_are_read_alike(type_: str, *, big_endian: bool, data: st.DataObject) -> None:

@@ -46,12 +46,14 @@ def test_a_log_that_did_not_end_in_order_never_counts_too_many_lost(tmp_path):
     assert faults == []
 
 
+@pytest.mark.exhaustive
 def test_a_reader_that_ends_at_damage_is_found_out(whole, tmp_path, monkeypatch):
     monkeypatch.setattr(FileScan, "_behind_damage", lambda _self, _damaged: None)
     faults, _ = faults_of_trials(*whole, tmp_path / "damaged", trials=10, seed=3)
     assert any("not returned" in fault for fault in faults)
 
 
+@pytest.mark.exhaustive
 def test_a_reader_that_trusts_payloads_is_found_out(whole, tmp_path, monkeypatch):
     def trusting(scan, head):
         payload = scan._bytes(head.at + 64, head.length)

@@ -108,6 +108,7 @@ def test_empty_and_foreign_payload_types_come_back_as_bytes(tmp_path):
     assert [r.payload for r in open_log(tmp_path / "j").records(1)] == [b"", b"", b"ab", b"abcd"]
 
 
+@pytest.mark.exhaustive
 def test_records_are_selected_by_source_and_host_time(tmp_path):
     write_records(tmp_path / "j", 100)
     everything = written(100)

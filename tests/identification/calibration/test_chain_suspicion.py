@@ -71,6 +71,7 @@ def test_a_sound_shot_shows_none() -> None:
     assert ReasonCode.BREECH_CHAIN not in {one.code for one in (*found.reasons, *found.notes)}
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("readings", "source", "key"),
     [
@@ -94,6 +95,7 @@ def test_a_gauge_that_reads_otherwise_is_named_with_its_size_and_what_to_state(r
     assert not found.valid
 
 
+@pytest.mark.whole_way
 def test_a_tube_that_swings_is_named_with_its_frequency_and_a_bracket_by_the_sign() -> None:
     found = swung(500.0)
     chain = found.chain

@@ -163,6 +163,7 @@ def test_a_row_is_what_moving_its_source_and_estimating_anew_gives(source: str) 
     assert row_kg == pytest.approx(refit_kg, abs=0.005 * calibration_of("mixed").estimate.u_kg)
 
 
+@pytest.mark.whole_way
 def test_how_the_stop_lets_go_is_known_to_its_impulse_over_the_mass() -> None:
     (row,) = [row for row in calibration_of("mixed").estimate.budget if row.source == RELEASE]
     forced = tracked("mixed").forced

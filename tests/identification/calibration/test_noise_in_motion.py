@@ -91,6 +91,7 @@ def test_noise_that_is_the_rests_is_not_found_to_be_coloured() -> None:
     assert np.median(ratios) < 1.5
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("kind", ["white", "with the velocity", "with the acceleration"])
 def test_white_noise_in_the_motion_is_found_behind_the_filter(kind: str) -> None:
     r = exact()
@@ -170,6 +171,7 @@ def fired(seed: int, rest: float) -> Identification:
     return identify_shot(FiredShot(bench_shot(motion, **noisy), bench_rig()), Options())
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("rest", [0.5, 0.25, 0.05])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_rest_that_is_quieter_than_the_motion_hardly_moves_the_mass_and_voids_nothing(seed: int, rest: float) -> None:

@@ -87,6 +87,7 @@ def test_shots_are_in_the_order_in_which_they_were_fired() -> None:
     assert [shot.name for shot in in_order(timed)] == ["2", "1"]
 
 
+@pytest.mark.whole_way
 def test_a_shot_that_is_set_aside_is_listed_with_its_reason_and_counts_nothing() -> None:
     summary = WEIGHED[2].summary
     assert summary is not None
@@ -353,6 +354,7 @@ def test_a_report_with_something_else_where_a_number_belongs_is_refused(changes:
         CampaignShot.of_report(document | changes)
 
 
+@pytest.mark.whole_way
 @settings(max_examples=150, deadline=None)
 @given(st.data())
 def test_a_damaged_report_is_refused_and_nothing_else(data: st.DataObject) -> None:

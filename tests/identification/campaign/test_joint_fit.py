@@ -152,6 +152,7 @@ def test_a_larger_force_is_believed_where_the_shots_show_it() -> None:
     assert sizes[1] > 2.5
 
 
+@pytest.mark.whole_way
 def test_the_share_that_no_gauge_reads_is_learnt_by_charges_and_an_added_mass() -> None:
     drawn = campaign_of(ADDED, seed=10, unread=1.0)
     fit = joint_fit(rows_of(drawn.shots))
@@ -168,6 +169,7 @@ def test_shots_without_errors_give_the_mass_and_no_error_of_a_sensor() -> None:
     assert [fit.value(name) for name in INFLUENCES] == pytest.approx([0.0] * 5, abs=1e-6)
 
 
+@pytest.mark.whole_way
 def test_an_added_mass_tells_the_scales_that_more_shots_do_not() -> None:
     one, plain, weighed = (
         joint_fit(rows_of(campaign_of(added).shots)) for added in ((0.0,) * 2, (0.0,) * 16, (0.0, 120.0) * 8)
@@ -179,6 +181,7 @@ def test_an_added_mass_tells_the_scales_that_more_shots_do_not() -> None:
     assert weighed.u(BREECH) < plain.u(BREECH)
 
 
+@pytest.mark.whole_way
 def test_the_scatter_that_was_drawn_is_found_and_makes_the_mass_less_sure() -> None:
     still, moving = (joint_fit(rows_of(campaign_of((0.0, 120.0) * 8, seed=5, gain_rel=rel).shots)) for rel in (0, 2e-3))
     assert still.scatter("gain_rel")[0] < 4e-4

@@ -37,6 +37,7 @@ def with_the_error_as_an_unknown(priors: list[Prior], error: dict[str, float]) -
     ]
 
 
+@pytest.mark.exhaustive
 @given(SEEDS)
 def test_an_error_is_told_as_surely_as_its_size_could_be_found(seed: int) -> None:
     blocks, priors = problem(seed)

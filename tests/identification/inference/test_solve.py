@@ -133,6 +133,7 @@ def test_the_triangle_holds_all_that_the_blocks_say(seed: int) -> None:
     np.testing.assert_allclose(summarised.covariance, found.covariance, rtol=1e-8, atol=1e-10)
 
 
+@pytest.mark.exhaustive
 @given(SEEDS)
 def test_what_is_left_of_some_unknowns_holds_all_that_the_blocks_and_some_priors_say_of_them(seed: int) -> None:
     blocks, (pair, alone) = problem(seed)

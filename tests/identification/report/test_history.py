@@ -62,6 +62,7 @@ def test_the_difference_of_two_campaigns_is_as_uncertain_as_it_scatters(
     assert all(0.05 < share < 1.0 for share in in_common)
 
 
+@pytest.mark.whole_way
 def test_a_campaign_shares_with_itself_all_but_what_is_random(
     pairs: list[tuple[dict[str, Any], dict[str, Any]]],
 ) -> None:
@@ -70,6 +71,7 @@ def test_a_campaign_shares_with_itself_all_but_what_is_random(
     assert shared_kg2(one, one) == pytest.approx(one["mass"]["u"] ** 2 - random, rel=1e-9)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("key", ["certificate", "calibrated"])
 def test_another_certificate_is_another_error(pairs: list[tuple[dict[str, Any], dict[str, Any]]], key: str) -> None:
     one, other = (copy.deepcopy(answer) for answer in pairs[0])
@@ -83,6 +85,7 @@ def test_another_certificate_is_another_error(pairs: list[tuple[dict[str, Any], 
     assert same - shared_kg2(one, other) == pytest.approx(gauge["u_kg"] * theirs["u_kg"])
 
 
+@pytest.mark.whole_way
 def test_another_u_of_a_source_is_other_knowledge_and_opposite_signs_make_masses_differ_more(
     pairs: list[tuple[dict[str, Any], dict[str, Any]]],
 ) -> None:

@@ -112,6 +112,7 @@ def test_the_estimate_is_that_of_generalised_least_squares_with_one_more_observa
     assert inferred.u("ln mass") == pytest.approx(u[0], rel=2e-3)
 
 
+@pytest.mark.exhaustive
 def test_its_row_in_the_budget_is_what_moving_it_and_estimating_anew_gives():
     found = known()
     (row,) = (one for one in found.chosen.estimate.budget if one.source == SOURCE)

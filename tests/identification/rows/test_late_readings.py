@@ -79,6 +79,7 @@ def test_a_zero_that_moves_by_what_the_rig_says_is_in_the_uncertainty(role, size
     assert abs(by_zero) < found(role, size_pa).chosen.estimate.u_kg
 
 
+@pytest.mark.exhaustive
 def test_the_breech_gauge_tells_its_own_zero():
     apart = {}
     for name, one in (("moved", found("breech_pressure", 250e3)), ("not", sound())):

@@ -144,6 +144,7 @@ def test_the_chosen_method_gives_the_mass_and_the_rest_is_there_too(method):
 # ---- what makes a result not valid
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("name", "factor", "sensor"),
     [("p_breech", 1.03, "breech_pressure"), ("p_breech", 0.97, "breech_pressure"), ("p_brake", 0.95, "brake_pressure")],
@@ -172,6 +173,7 @@ def swapped(rig: Rig, one: str, other: str) -> Rig:
     return parse_rig(text, rig.path, rig.databases)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("one", "other"),
     [("bore_area", "brake_area"), ("bore_area", "recuperator_area"), ("brake_area", "recuperator_area")],
@@ -235,6 +237,7 @@ def test_a_recuperator_gauge_that_loses_the_pressure_at_rest_is_refused_as_valid
 CARRIAGE = ["carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate"]
 
 
+@pytest.mark.whole_way
 def test_a_rig_without_carriage_sensors_and_camera_says_what_is_not_measured():
     found = identify_shot(FiredShot(bench_shot(), bench_rig()), Options())
     assert found.valid
@@ -420,6 +423,7 @@ def test_the_cutoff_by_the_spectra_is_lowered_for_the_slowest_force():
     )
 
 
+@pytest.mark.whole_way
 def test_what_did_not_settle_is_not_valid(monkeypatch):
     virtual = virtual_shot()
     never = partial(solve, most_steps=0)

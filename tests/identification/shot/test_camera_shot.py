@@ -62,6 +62,7 @@ def test_the_mass_is_found_within_its_uncertainty(name):
     assert found.valid, found.reasons
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", RIGS)
 def test_the_residual_that_is_stated_is_what_mass_and_forces_leave_of_the_filtered_acceleration(name):
     found = identified(name)
@@ -103,6 +104,7 @@ def test_the_budget_is_complete_and_named_once(name):
     assert ("alignment of clock can" in sources) == (name == "mixed")
 
 
+@pytest.mark.whole_way
 def test_the_mass_over_time_holds_the_truth():
     trace, truth = identified().chosen.trace, tracked_shot().truth["m3"]
     assert trace.share > 0.6

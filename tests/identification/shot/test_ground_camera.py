@@ -53,6 +53,7 @@ def test_the_travel_of_the_report_is_that_along_the_bore(accelerometer):
     assert abs(np.nanmax(route.camera.samples) - virtual.truth["stroke_m"]) > 8e-3
 
 
+@pytest.mark.whole_way
 def test_the_kinematic_route_takes_the_ground_for_what_it_is():
     _, identified = found("field-2013", True, True)
     kinematic = identified.results["kinematic"].estimate

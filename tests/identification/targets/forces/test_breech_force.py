@@ -46,6 +46,7 @@ def test_the_force_over_time_lies_within_its_band(name):
         assert np.sqrt(np.mean((columns[method] - truth)[free] ** 2)) < 0.02 * truth.max()
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", RIGS)
 def test_peak_and_impulse_of_both_methods_are_those_of_the_shot(name):
     _, finding = found(name)
