@@ -16,6 +16,8 @@ from recoil_identification.estimate.rounding import MINUS, NO_NUMBER, fixed, pla
 from recoil_identification.report.campaign_figures import PANELS
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace, with_interval
 from recoil_identification.report.reproduction import ELSEWHERE
+from recoil_identification.report.result_table import ResultHead
+from recoil_identification.report.section import Column, Section
 from recoil_identification.report.sentences import specified
 from recoil_identification.report.tables import PEAKS
 from recoil_identification.shot.firing_record import Curves
@@ -106,6 +108,33 @@ def beside_document(laid: Sequence[Laid], *, version: str) -> dict[str, Any]:
             "parameters": {},
         },
     }
+
+
+def head(document: Mapping[str, Any]) -> ResultHead:
+    """Return the head of the page."""
+    return ResultHead(
+        f"{len(document['reports'])} reports beside one another", f"shot {document['shot']} on rig {document['rig']}",
+        (document["of"],), embedded={"shot": f"{document['shot']}-beside"},
+    )  # fmt: skip
+
+
+def differing(document: Mapping[str, Any]) -> list[Section]:
+    """Return what differs in the results and in the parameters, with what is equal folded: a column a report."""
+    reports = (Column(str(n), one["name"], "file", page=one["page"]) for n, one in enumerate(document["reports"]))
+    columns = (Column("label", "", "name"), *reports)
+
+    def section(key: str, word: str) -> Section:
+        rows = [
+            {"label": row["label"], "folded": not row["differs"], **{str(n): one for n, one in enumerate(row["texts"])}}
+            for row in document[key]
+        ]
+        said = [] if any(row["differs"] for row in document[key]) else ["Nothing differs."]
+        return Section(
+            key, f"What differs in the {word}", "", columns, lambda _: rows, sentences=lambda _: said, folded="equal",
+            link=word.capitalize(),
+        )  # fmt: skip
+
+    return [section("results", "result"), section("parameters", "parameters")]
 
 
 def of_what(documents: Sequence[Mapping[str, Any]]) -> str:

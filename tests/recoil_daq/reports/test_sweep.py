@@ -13,9 +13,9 @@ from typer.testing import Result
 
 from recoil_acquisition.errors import StoreError
 from recoil_daq.reports.sweep import MOST_VALUES, Sweep, Swept, sweep_shot
-from recoil_identification.report.html import render_sweep_page
+from recoil_identification.report.html import render_results_page
 from recoil_identification.report.report_files import seal_fault
-from recoil_identification.report.sweep import CELLS, sweep_document, sweep_figures
+from recoil_identification.report.sweep import SWEEP, sweep_document, sweep_figures
 from recoil_identification.shot.identified import Options
 from tests.builders.page_elements import PageElements
 from tests.recoil_daq.conftest import Identified
@@ -83,7 +83,7 @@ def test_a_sweep_that_moves_the_mass_or_is_of_none_that_is_valid_is_not_green(
 ) -> None:
     document = swept.document | change
     document["own"] = swept.document["own"] | change.get("own", {})
-    page = render_sweep_page(document, sweep_figures(document), "sweep.csv")
+    page = render_results_page(document, sweep_figures(document))
     assert 'class="verdict doubt"' in page
 
 
@@ -148,7 +148,7 @@ def test_a_sweep_is_of_one_shot_and_goes_alone(run: Run, stored: Path, tmp_path:
 
 
 def row_of(mass_kg: float) -> dict[str, Any]:
-    return {**dict.fromkeys(CELLS), "mass_kg": mass_kg, "u_kg": 2.0, "valid": True}
+    return {**dict.fromkeys(SWEEP.cells), "mass_kg": mass_kg, "u_kg": 2.0, "valid": True}
 
 
 @pytest.mark.parametrize(("mass_kg", "moves"), [(101.9, False), (102.1, True), (97.9, True), (98.1, False)])
