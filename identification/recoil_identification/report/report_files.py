@@ -237,7 +237,7 @@ def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
         document = read_json(content)
         if document["schema"] != SCHEMA:
             raise ValueError(f"schema {document['schema']!r}")
-        _refuse_deep(document)
+        refuse_deep(document)
         lacking = [key for key in ("shot", "rig", "mass", "rpe_percent", "valid", "provenance") if key not in document]
         if lacking:
             raise ValueError(f"no {', '.join(lacking)}")
@@ -248,7 +248,8 @@ def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
     return dict(document)
 
 
-def _refuse_deep(document: Any) -> None:
+def refuse_deep(document: Any) -> None:
+    """Raise `ValueError` if a document is nested more deeply than any that this project wrote."""
     level = [document]
     for _ in range(DEEPEST):
         level = [
