@@ -13,6 +13,7 @@ from typing import Any
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.store import shot_summary
+from recoil_acquisition.strict_json import told_in_one_line
 from recoil_daq.reports.output import Output
 from recoil_daq.reports.report_folder import publish, refuse_existing, way_to_page
 from recoil_daq.reports.reproduction import ANEW, find_reports
@@ -182,17 +183,10 @@ def read_laid(path: Path) -> Laid:
         trace=read_trace(folder),
         curves=read_curves(folder),
     )
-    try:
+    with told_in_one_line("this report cannot be laid beside others", path, remedy=ANEW):
         # what can be laid beside itself can be laid beside others: a text where a number belongs shows before any work
         json.dumps(beside_document([one], version=__version__), ensure_ascii=False).encode()
         beside_figures([one])
-    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
-        raise ReadError(
-            "this report cannot be laid beside others",
-            path=path,
-            found=f"{type(error).__name__}: {error}",
-            remedy="identify the shot anew",
-        ) from error
     return one
 
 
@@ -217,11 +211,9 @@ def _vouched(path: Path, document: dict[str, Any]) -> dict[str, Any]:
     ReadError
         If it was changed since, or a file beside it was.
     """
-    try:
+    with told_in_one_line("this is no report of a shot", path):
         fault = report_fault(document)
         listed = {str(one["file"]): str(one["sha256"]) for one in document["provenance"].get("outputs", ())}
-    except (LookupError, TypeError, AttributeError) as error:
-        raise ReadError("this is no report of a shot", path=path, found=str(error)) from error
     if fault:
         raise ReadError(f"this report {fault}", path=path, remedy=ANEW)
     for name, sha256 in listed.items():

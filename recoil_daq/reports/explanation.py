@@ -84,15 +84,7 @@ class Explained(Printed):
             "parameters": dict(self.parameters),
             "versions": {"made": dict(self.made), "now": dict(self.now)},
             "files": [dict(one) for one in self.files],
-            "recomputed": {
-                "again": self.again,
-                "tolerance": 0.0 if self.exact else ELSEWHERE,
-                "numbers": self.comparison.numbers,
-                "largest_relative": self.comparison.largest,
-                "differing": len(self.differences),
-                "differences": [one.to_json() for one in self.differences[:MOST_LISTED]],
-                **_of_files(self.comparison),
-            },
+            "recomputed": _outcome(self.comparison, exact=self.exact),
         }
 
     def show(self) -> None:
@@ -169,9 +161,16 @@ def folders_of(shots: str | Path | None) -> list[Path]:
     return [] if shots is None else [Path(shots)]
 
 
-def _of_files(found: Comparison | None) -> dict[str, Any]:
-    """State which drawings hold what they should, and which files were not compared."""
+def _outcome(found: Comparison | None, *, exact: bool) -> dict[str, Any]:
+    """State what came of a comparison; None of one that could not be made."""
+    differences = () if found is None else found.differences
     return {
+        "again": found is not None and found.again,
+        "tolerance": 0.0 if exact else ELSEWHERE,
+        "numbers": None if found is None else found.numbers,
+        "largest_relative": None if found is None else found.largest,
+        "differing": None if found is None else len(differences),
+        "differences": [one.to_json() for one in differences[:MOST_LISTED]],
         "drawings": [] if found is None else list(found.drawings),
         "not_compared": [] if found is None else [one.to_json() for one in found.not_compared],
     }
@@ -229,24 +228,15 @@ class CheckedReports(Printed):
 
     def to_json(self) -> dict[str, Any]:
         """Return the document that ``explain --check --json`` prints."""
-        rows = []
-        for one in self.reports:
-            found = one.comparison
-            differences = () if found is None else found.differences
-            rows.append(
-                {
-                    "report": str(one.report),
-                    "shot": one.shot or None,
-                    "again": one.again,
-                    "tolerance": 0.0 if one.exact else ELSEWHERE,
-                    "numbers": None if found is None else found.numbers,
-                    "largest_relative": None if found is None else found.largest,
-                    "differing": None if found is None else len(differences),
-                    "differences": [each.to_json() for each in differences[:MOST_LISTED]],
-                    **_of_files(found),
-                    "fault": one.fault or None,
-                }
-            )
+        rows = [
+            {
+                "report": str(one.report),
+                "shot": one.shot or None,
+                **_outcome(one.comparison, exact=one.exact),
+                "fault": one.fault or None,
+            }
+            for one in self.reports
+        ]
         return {"schema": "recoil-daq/explain-check/1", "again": self.again, "reports": rows}
 
     def show(self) -> None:

@@ -11,10 +11,12 @@ from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store import shot_summary
 from recoil_acquisition.store.shot_log import ShotLog, ShotLogRow
+from recoil_acquisition.strict_json import told_in_one_line
 from recoil_daq.arguments import REPORTS, SHOTS, named_report, named_shot
 from recoil_daq.reports.comparison import report_fault
-from recoil_daq.reports.report_folder import publish, refuse_existing, refuse_unwritable, way_to_page
-from recoil_daq.reports.reproduction import reports_in
+from recoil_daq.reports.output import Output
+from recoil_daq.reports.report_folder import publish, way_to_page
+from recoil_daq.reports.reproduction import ANEW, reports_in
 from recoil_daq.terminal.result import PagedDocument, Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.html import INDEX_PAGE, render_results_page
@@ -106,9 +108,7 @@ def index_shots(
     folder = Path(out)
     if xlsx:
         refuse_without_workbooks()
-    refuse_unwritable(folder)
-    if not overwrite:
-        refuse_existing(folder, _FILES)
+    Output(folder, overwrite=overwrite).refuse_unwritable(folder, _FILES)
     found = _Files.of([Path(one) for one in places])
     rows, faults = [], []
     for number, one in enumerate(found.each(folder)):
@@ -216,16 +216,11 @@ class _Files:
     ) -> Row:
         """Return the row of a report, and note of which shot file it is."""
         document = read_document(path)
-        try:
+        with told_in_one_line("this report cannot be listed", path, remedy=ANEW):
             fault = report_fault(document)
             row = row_of_report(document)
             shot_file = by_digest.get(str(document["provenance"]["inputs"][0]["sha256"]))
             INDEX.worded({"shots": [row]})  # what can be worded by itself can be worded among others
-        except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
-            raise ReadError(
-                "this report cannot be listed", path=path, found=f"{type(error).__name__}: {error}",
-                remedy="identify the shot anew",
-            ) from error  # fmt: skip
         row["report"] = way_to_page(home, path.parent)
         if fault:
             row |= {"valid": False, "reason": f"this report {fault}"}

@@ -116,7 +116,7 @@ class Swept(PagedDocument):
 
         d = self.document
         title = f"Shot {d['shot']} on rig {d['rig']}: {d['option']}"
-        print_results(title, SWEEP, d, f"{d['detail']}\n-> {self.page}", value=d["key"])
+        print_results(title, SWEEP, d, d["detail"], f"-> {self.page}", value=d["key"])
 
     def __repr__(self) -> str:
         return f"Swept({self.document['shot']!r}, {self.document['key']}: {self.document['detail']} -> {self.page})"

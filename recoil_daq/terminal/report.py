@@ -176,7 +176,7 @@ def low_passes(document: Mapping[str, Any]) -> str:
     return f"low-pass of the mass: {mass_hz:.4g} Hz, {band}; of the mass over time, RPE and peaks: {whole}"
 
 
-def print_results(title: str, table: ResultTable, document: Mapping[str, Any], said: str, **headings: str) -> None:
+def print_results(title: str, table: ResultTable, document: Mapping[str, Any], *said: str, **headings: str) -> None:
     """Print results in a row, and what is said of them; without the last column where nothing stands in it.
 
     Parameters
@@ -195,7 +195,8 @@ def print_results(title: str, table: ResultTable, document: Mapping[str, Any], s
         [[row[one.key] for one in columns] for row in rows],
         numeric=[place for place, one in enumerate(columns) if one.kind == "number"],
     )
-    say(said)
+    for line in said:
+        say(line)
 
 
 def print_target(document: Mapping[str, Any], folder: Path) -> None:

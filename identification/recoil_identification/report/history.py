@@ -22,12 +22,12 @@ from recoil_identification.report.result_table import (
     E_N,
     INTERVAL,
     MASS,
-    MASS_KEYS,
     Document,
     ResultColumn,
     ResultTable,
     Row,
     U,
+    flat,
     mass_panel,
 )
 
@@ -188,17 +188,12 @@ def _rows(document: Document) -> list[Row]:
     if history is None:
         return []
     lines, this = iter(history["covariance_kg2"]), history["campaigns"][-1]
-    rows = [{**one, **_flat(one), "shared": None, "this": one is this} for one in history["campaigns"]]
+    rows = [{**one, **flat(one["mass"]), "shared": None, "this": one is this} for one in history["campaigns"]]
     for row in rows:
         if row["remark"] is None:
             covariance_kg2 = next(lines)[-1]
             row["shared"] = None if row["this"] else covariance_kg2 / (this["mass"]["u"] * row["u_kg"])
     return rows
-
-
-def _flat(row: Mapping[str, Any]) -> Row:
-    """Return the mass of a campaign as a row of results has it."""
-    return dict(zip(MASS_KEYS, (row["mass"]["value"], row["mass"]["u"], *row["mass"]["U95"]), strict=True))
 
 
 def _compared(key: str, head: str, unit: str, text: Callable[[Mapping[str, Any]], str]) -> ResultColumn:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.linear_algebra import threads
 from recoil_acquisition.regular_file import read_small
-from recoil_acquisition.strict_json import read_json
+from recoil_acquisition.strict_json import read_json, told_in_one_line
 from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.shot.firing_record import CURVES, Curves
 from recoil_identification.shot.identified import Result
@@ -233,7 +233,7 @@ def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
         stands in reports.
     """
     content = read_small(path, LARGEST_REPORT, "a report") if content is None else content
-    try:
+    with told_in_one_line("this is no report of a shot", path, expected=f"schema {SCHEMA}"):
         document = read_json(content)
         if document["schema"] != SCHEMA:
             raise ValueError(f"schema {document['schema']!r}")
@@ -241,10 +241,6 @@ def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
         lacking = [key for key in ("shot", "rig", "mass", "rpe_percent", "valid", "provenance") if key not in document]
         if lacking:
             raise ValueError(f"no {', '.join(lacking)}")
-    except (ValueError, LookupError, TypeError, RecursionError) as error:
-        raise ReadError(
-            "this is no report of a shot", path=path, expected=f"schema {SCHEMA}", found=str(error)
-        ) from error
     return dict(document)
 
 

@@ -84,6 +84,31 @@ E_N = ResultColumn("e_n", "E_n", "number", text=lambda row: signed(fixed(row["E_
 RPE = ResultColumn("rpe", "RPE", "number", "%", text=lambda row: significant(row["rpe_percent"], 2))
 VERDICT = ResultColumn("verdict", "Verdict", "text", text=lambda row: VERDICTS[row["valid"]])
 REASON = ResultColumn("reason", "First reason", "long")
+CONFIGURATION = ResultColumn("configuration", "Configuration")
+ADDED = ResultColumn(
+    "added", "Added", "number", "kg", text=lambda row: f"{row['added_mass_kg']:g}" if row["added_mass_kg"] else ""
+)
+
+
+def _peak(name: str, head: str, unit: str, scale: float, decimals: int) -> ResultColumn:
+    def text(row: Mapping[str, Any]) -> str:
+        value = row.get(name)
+        return fixed(None if value is None else scale * value, decimals)
+
+    return ResultColumn(name, head, "number", unit, text=text)
+
+
+PEAKS = (
+    _peak("breech_pressure_pa", "Breech", "MPa", 1e-6, 1),
+    _peak("recoil_velocity_m_s", "Velocity", "m/s", 1.0, 2),
+    _peak("recoil_travel_m", "Travel", "mm", 1e3, 1),
+    _peak("impulse_n_s", "Impulse", "N s", 1.0, 0),
+)
+
+
+def flat(mass: Mapping[str, Any]) -> Row:
+    """Return the mass of a document as a row has it, the interval where it has one."""
+    return dict(zip(MASS_KEYS, (mass["value"], mass["u"], *mass.get("U95", (None, None))), strict=True))
 
 
 @dataclass(frozen=True)

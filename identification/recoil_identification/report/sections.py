@@ -323,8 +323,8 @@ CAMPAIGN_SECTIONS: tuple[Section, ...] = (
         "Shots",
         "In the order of firing; a click on a heading sorts. Mass and u are the shot's by itself, with what was added; "
         "bare and own u are without it, with the sensors' errors as the campaign found them.",
-        campaign_tables.SHOT_COLUMNS,
-        campaign_tables.shots,
+        campaign_tables.SHOTS.columns,
+        campaign_tables.SHOTS.worded,
         style="shots",
         sparse=True,
     ),

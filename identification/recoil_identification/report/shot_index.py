@@ -8,12 +8,14 @@ from typing import Any
 
 from recoil_acquisition.usability import Usability
 from recoil_identification.campaign.campaign_shot import numbered
-from recoil_identification.estimate.rounding import fixed, rounded
-from recoil_identification.report.campaign_tables import PEAKS
+from recoil_identification.estimate.rounding import rounded
 from recoil_identification.report.result_table import (
+    ADDED,
+    CONFIGURATION,
     E_N,
     MASS,
     MASS_KEYS,
+    PEAKS,
     REASON,
     RPE,
     VERDICT,
@@ -181,13 +183,6 @@ def _rows(document: Document) -> list[Row]:
     return [{**row, "of_rig": row["rig"] if several else ""} for row in document["shots"]]
 
 
-def _peak(name: str, head: str, unit: str, scale: float, decimals: int) -> ResultColumn:
-    def text(row: Mapping[str, Any]) -> str:
-        return fixed(None if row[name] is None else scale * row[name], decimals)
-
-    return ResultColumn(name, head, "number", unit, text=text)
-
-
 INDEX = ResultTable(
     _rows,
     (
@@ -205,13 +200,10 @@ INDEX = ResultTable(
         E_N,
         RPE,
         replace(VERDICT, text=lambda row: f"{VERDICTS[row['valid']]}{', deviates' if deviates(row) else ''}"),
-        ResultColumn("configuration", "Configuration"),
-        ResultColumn(
-            "added", "Added", "number", "kg",
-            text=lambda row: f"{row['added_mass_kg']:g}" if row["added_mass_kg"] else "",
-        ),
+        CONFIGURATION,
+        ADDED,
         ResultColumn("charge", "Charge"),
-        *(_peak(*peak) for peak in PEAKS),
+        *PEAKS,
         replace(REASON, text=first_reason),
     ),
     (

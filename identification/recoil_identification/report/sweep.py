@@ -157,7 +157,9 @@ def head(document: Document) -> ResultHead:
 def _rows(document: Document) -> list[Row]:
     """Return the rows, that of the shot's own options first, each with its value in words."""
     own = [{**document["own"], "label": _own(document), "own": True}]
-    return own + [{**row, "label": plain(row["value"]), "own": False} for row in document["rows"]]
+    return own + [
+        {**row, "label": f"{plain(row['value'])} {document['unit']}", "own": False} for row in document["rows"]
+    ]
 
 
 def _own(document: Document) -> str:

@@ -75,6 +75,11 @@ def test_page_table_and_json_say_the_same(swept: Swept) -> None:
     assert document["detail"].split(":")[0] in PageElements(page).text
     assert 'class="still"' in page  # the figure without scripts
     assert 'class="verdict"' in page
+    values = [f"{value:g} Hz" for value in swept.rows["value"].dropna()]
+    assert [value for value in values if value not in PageElements(page).text] == []
+    *table, said, place = str(swept).splitlines()
+    assert [line[:6].strip() for line in table[-len(values) :]] == values
+    assert (said, place) == (document["detail"], f"-> {swept.page}")
 
 
 @pytest.mark.parametrize("change", [{"moves": True}, {"moves": None}, {"own": {"valid": False}}])
