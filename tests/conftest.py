@@ -4,6 +4,7 @@ import gc
 import os
 import sys
 import warnings
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,19 @@ from hypothesis import settings
 
 from tests.builders.bytecode import Backwards, collects_backwards, in_order, keep_bytecode
 from tests.builders.machine_stalls import MachineStalls, shared_stall_s
+from tests.builders.processor_time import (
+    COSTS,
+    KEPT,
+    LAW,
+    MARKERS,
+    Cost,
+    append_line,
+    breach,
+    kinds_twice,
+    load_apart,
+    measured,
+    slowness,
+)
 from tests.builders.shared_motions import folder_of_this_run, share_motions
 
 # the same examples at every run: a failure belongs to the change under test, not to chance; explore before a release
@@ -22,6 +36,8 @@ settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 OF_THE_RUN = pytest.StashKey[ExitStack]()
+SETUP = pytest.StashKey[Cost]()
+"""What the setup of a test cost."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -32,6 +48,10 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     if sys.dont_write_bytecode and sys.pycache_prefix is None and (cache := getattr(config, "cache", None)) is not None:
         keep_bytecode(cache.mkdir("bytecode"))
+    for name, what in MARKERS.items():
+        config.addinivalue_line("markers", f"{name}: {what}")
+    if LAW in os.environ or COSTS in os.environ:
+        load_apart()
     if config.getoption("numprocesses", None):
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     config.stash[OF_THE_RUN] = ExitStack()
@@ -62,7 +82,11 @@ def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Dir
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with what takes long by the clock, where there are several workers."""
+    """Hold whole ways of the short run to one of each kind, and begin with what takes long by the clock."""
+    if twice := kinds_twice(
+        (item.nodeid.split("[")[0], mark.args) for item in items for mark in item.iter_markers(KEPT)
+    ):
+        raise pytest.UsageError(twice)
     if "PYTEST_XDIST_WORKER" in os.environ:
         from tests.builders.tests_by_file import long_first
 
@@ -80,6 +104,33 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(5000, 20, 20)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup(item: pytest.Item) -> Iterator[None]:
+    """Measure what a test asks for."""
+    with measured() as cost:
+        yield
+    item.stash[SETUP] = cost
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    """Measure a test, and hold it to the law of time where that is asked for."""
+    with measured() as call:
+        yield
+    setup, markers = item.stash[SETUP], frozenset(mark.name for mark in item.iter_markers())
+    if COSTS in os.environ:
+        named = sorted(markers & MARKERS.keys())
+        append_line(
+            Path(os.environ[COSTS]), test=item.nodeid, markers=named, setup=vars(setup), call=vars(call),
+            slowness=slowness(),
+        )  # fmt: skip
+    if LAW in os.environ:
+        longest_s = float(os.environ[LAW])
+        told = [text for cost in (setup, call) if (text := breach(markers, cost, slowness(), longest_s)) is not None]
+        if told:
+            pytest.fail(told[0], pytrace=False)
 
 
 ATTEMPTS = 2

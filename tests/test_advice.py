@@ -12,6 +12,7 @@ import tomllib
 from functools import cache
 from typing import Any
 
+import pytest
 import typer
 
 from recoil_acquisition.store.shot_log import COLUMNS as COLUMNS_OF_LOG
@@ -100,6 +101,7 @@ def refusal_of(line: str) -> str:
     return ""
 
 
+@pytest.mark.indispensable("law")
 def test_every_command_in_a_text_is_one_that_the_command_line_takes() -> None:
     seen, refused = 0, []
     for place, line in commands():

@@ -93,6 +93,7 @@ def test_every_link_of_a_page_leads_somewhere(path: Path) -> None:
         assert not anchor or anchor in anchors(target), link
 
 
+@pytest.mark.indispensable("the first day")
 def test_the_first_day_is_as_the_readme_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # a file of the bundled rig's name is taken for it: the same rig with a shorter record
     (tmp_path / "mixed").write_text(with_twin("mixed", **SHORTER).text, encoding="utf-8")
@@ -143,6 +144,7 @@ def test_the_day_at_the_range_is_as_its_page_says(tmp_path: Path) -> None:
         assert [one["shot"] for one in combined["shots"]] == ["0001", "0002"]
 
 
+@pytest.mark.whole_way
 def test_the_python_examples_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -164,6 +166,7 @@ def test_the_python_examples_run(
     assert "not an HDF5 file" in capsys.readouterr().out.splitlines()[-1]
 
 
+@pytest.mark.whole_way
 def test_the_analyst_s_script_runs_in_memory(tmp_path: Path) -> None:
     (script,) = blocks(DOCS / "python.md", "python", "example: analyst")
     (tmp_path / "script.py").write_text(script, encoding="utf-8")
@@ -180,6 +183,7 @@ def test_the_analyst_s_script_runs_in_memory(tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "shots").iterdir()) == before
 
 
+@pytest.mark.whole_way
 def test_the_notebook_runs_and_is_kept_without_outputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     notebook = json.loads(text_of(DOCS / "first-look.ipynb"))
     cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
@@ -292,6 +296,7 @@ def test_the_pages_are_built_and_load_nothing_from_a_network(tmp_path: Path) -> 
         assert re.findall(r"url\([\"']?((?:https?:)?//[^)]+)\)|@import", content) == [], built
 
 
+@pytest.mark.whole_way
 def test_the_page_of_the_python_interface_has_every_public_name(tmp_path: Path) -> None:
     pytest.importorskip("pdoc", reason="pdoc, of the extra `docs`")
     command = [sys.executable, DOCS / "site/api.py", tmp_path, "recoil_daq"]
@@ -307,6 +312,7 @@ def test_the_drawing_loads_nothing_from_a_network() -> None:
     assert re.findall(r"(?:href|src)=|url\((?!#)|@import|<script", text_of(DOCS / "mechanism.svg")) == []
 
 
+@pytest.mark.whole_way
 def test_the_first_day_with_own_hardware_ends_with_a_mass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page_of_the_day = DOCS / "first-day.md"
     (tmp_path / "mixed").write_text(with_twin("mixed", kind=False).text, encoding="utf-8")

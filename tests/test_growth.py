@@ -22,6 +22,7 @@ def test_the_last_slope_is_that_of_the_largest_sizes() -> None:
     assert slope(points, "cpu_s") == pytest.approx(1.0)
 
 
+@pytest.mark.whole_way
 def test_a_point_is_measured_in_a_process_of_its_own() -> None:
     point = campaign_of_shots(2)
     assert point.size == 2

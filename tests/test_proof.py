@@ -13,6 +13,7 @@ from tests.proof.row import HEADINGS, Row, rewritten, significant, times
 README = Path(__file__).resolve().parents[1] / "README.md"
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", MEASURED)
 def test_a_little_of_each_measurement_gives_rows_and_leaves_the_page_alone(
     name: str, capsys: pytest.CaptureFixture[str]

@@ -82,6 +82,7 @@ def outcome(folder: Path, source: str) -> str:
     return done.stdout
 
 
+@pytest.mark.real_time
 def test_a_failure_while_the_machine_stood_still_is_tried_once_more_and_told(tmp_path: Path) -> None:
     said = outcome(tmp_path, SECOND_TIME)
     assert "1 passed" in said
@@ -89,6 +90,7 @@ def test_a_failure_while_the_machine_stood_still_is_tried_once_more_and_told(tmp
     assert said.count("once more: the machine stood still for") == 2
 
 
+@pytest.mark.real_time
 def test_what_tests_share_is_played_again_if_the_machine_stood_still_then(tmp_path: Path) -> None:
     said = outcome(tmp_path, SHARED)
     assert "2 passed" in said
@@ -106,6 +108,7 @@ def test_a_process_that_stands_still_is_measured_from_outside() -> None:
     assert machine.largest_s > 0.25
 
 
+@pytest.mark.real_time
 def test_code_that_holds_the_interpreter_is_no_machine_that_stands_still() -> None:
     began_s = time.monotonic()
     with MachineStalls() as machine:
@@ -113,6 +116,7 @@ def test_code_that_holds_the_interpreter_is_no_machine_that_stands_still() -> No
     assert machine.largest_s < (time.monotonic() - began_s) / 2
 
 
+@pytest.mark.real_time
 def test_a_fault_of_the_program_stays_one(tmp_path: Path) -> None:
     said = outcome(tmp_path, ALWAYS)
     assert "1 failed" in said

@@ -28,6 +28,8 @@ from unittest.mock import patch
 
 import numpy as np
 
+from tests.builders.processor_time import apart
+
 if TYPE_CHECKING:
     from recoil_rigs.mechanism import Mechanism
     from recoil_rigs.twin import TwinSettings
@@ -65,6 +67,11 @@ def once_in_this_run(name: str, make: Callable[[Path], Made]) -> Made:
     make
         Given a new folder for files, returns what can be packed, see `Packer`.
     """
+    with apart():
+        return _once_in_this_run(name, make)
+
+
+def _once_in_this_run(name: str, make: Callable[[Path], Made]) -> Made:
     folder = Path(os.environ[FOLDER]) / name
     made, deadline_s = folder.with_suffix(".made"), time.monotonic() + LONGEST_S
     while not made.exists():
@@ -167,7 +174,8 @@ class SharedMotions:
             if kept.exists():
                 return _read_only(pickle.loads(kept.read_bytes()))  # noqa: S301 - of this run's own processes
         seen = Seen(settings)
-        motion = self._integrate(mechanism, seen, peak_pressure_pa=peak_pressure_pa, friction_n=friction_n)
+        with apart():
+            motion = self._integrate(mechanism, seen, peak_pressure_pa=peak_pressure_pa, friction_n=friction_n)
         names = sorted(seen.names)
         _write(self._kept(shot, settings, names), pickle.dumps(motion))
         _write(self._folder / f"{_digest(names)}.names", "\n".join(names).encode())

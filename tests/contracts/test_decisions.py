@@ -12,6 +12,8 @@ import pytest
 
 from tests.contracts.test_promises import PACKAGES, ROOT
 
+pytestmark = pytest.mark.indispensable("law")
+
 SEARCHES = (
     "count", "endswith", "find", "index", "partition", "removeprefix", "removesuffix", "replace", "rfind", "rindex",
     "rpartition", "rsplit", "split", "startswith",

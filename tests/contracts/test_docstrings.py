@@ -14,6 +14,8 @@ import pytest
 
 from tests.contracts.test_promises import PACKAGES, ROOT
 
+pytestmark = pytest.mark.indispensable("law")
+
 WITHOUT_SUBJECT = ("Of", "Tell", "Tells", "What")
 """Words that open no docstring."""
 NOT_A_NOUN = {

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.indispensable("law")
+
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = (
     "recoil_daq",

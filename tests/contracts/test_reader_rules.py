@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -16,11 +17,30 @@ from recoil_acquisition.readers.head import HEAD_BYTES, Head
 from recoil_acquisition.readers.table import READERS, TableReader, surest_claim
 from tests.contracts.cases_text import DECLARED_CASES
 
-CASES: tuple[Case, ...] = tuple(
-    case
-    for module in sorted(Path(__file__).parent.glob("cases_*.py"))
-    for case in import_module(f"tests.contracts.{module.stem}").CASES
+FAMILIES: tuple[tuple[Case, ...], ...] = tuple(
+    import_module(f"tests.contracts.{module.stem}").CASES for module in sorted(Path(__file__).parent.glob("cases_*.py"))
 )
+CASES: tuple[Case, ...] = tuple(case for family in FAMILIES for case in family)
+FIRST = {family[0].name for family in FAMILIES}
+"""The case of each family of formats that is damaged at every run; the others are where all tests are run."""
+DAMAGES = (rules.a_cut_file_is_refused_or_shorter_with_a_note, rules.flipped_bytes_are_refused_or_read)
+
+
+def damaged(cases: Iterable[Case]) -> list[Any]:
+    """Cases for a test that damages each file at many places."""
+    return [
+        pytest.param(case, id=case.name, marks=() if case.name in FIRST else pytest.mark.exhaustive) for case in cases
+    ]
+
+
+def over(cases: Iterable[Case], *, without: Sequence[Callable[..., None]] = ()) -> list[Any]:
+    """Rules and cases: each rule over each case."""
+    return [
+        pytest.param(rule, *of.values, id=f"{rule.__name__}-{of.id}", marks=of.marks if rule in DAMAGES else ())
+        for rule in rules.RULES
+        if rule not in without
+        for of in damaged(cases)
+    ]
 
 
 WITHOUT_CASE: dict[str, str] = {
@@ -35,16 +55,12 @@ def test_every_reader_has_a_case() -> None:
     assert not {case.reader.name for case in CASES} & set(WITHOUT_CASE)
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-@pytest.mark.parametrize("rule", rules.RULES, ids=lambda rule: rule.__name__)
+@pytest.mark.parametrize(("rule", "case"), over(CASES))
 def test_every_reader_keeps(rule: Callable[[Case, Path], None], case: Case, tmp_path: Path) -> None:
     rule(case, tmp_path)
 
 
-@pytest.mark.parametrize("case", DECLARED_CASES, ids=lambda case: case.name)
-@pytest.mark.parametrize(
-    "rule", [rule for rule in rules.RULES if rule is not rules.claims_its_own_file], ids=lambda rule: rule.__name__
-)
+@pytest.mark.parametrize(("rule", "case"), over(DECLARED_CASES, without=[rules.claims_its_own_file]))
 def test_the_reader_of_declared_tables_keeps(rule: Callable[[Case, Path], None], case: Case, tmp_path: Path) -> None:
     rule(case, tmp_path)
 
@@ -62,7 +78,7 @@ def test_exactly_one_reader_claims_each_file(case: Case) -> None:
     assert [reader.name for reader in claiming] == [case.reader.name]
 
 
-@pytest.mark.parametrize("case", [*CASES, *DECLARED_CASES], ids=lambda case: case.name)
+@pytest.mark.parametrize("case", damaged([*CASES, *DECLARED_CASES]))
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(flips=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=6))
 def test_flipped_bytes_never_give_another_exception(case: Case, tmp_path: Path, flips: list[tuple[float, int]]) -> None:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.indispensable("law")
+
 GROWING = {
     "recoil_acquisition": {"Cells", "Cut", "FrameCounters", "Tally"},
     "recoil_processing": set(),

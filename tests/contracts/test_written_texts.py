@@ -9,6 +9,8 @@ import pytest
 
 from tests.contracts.test_promises import PACKAGES, ROOT
 
+pytestmark = pytest.mark.indispensable("law")
+
 
 def left_to_the_system(source: str) -> list[int]:
     """Return the lines of a module on which a file's text is written with the system's ends of lines."""

@@ -3,7 +3,10 @@
 import subprocess
 import sys
 
+import pytest
 
+
+@pytest.mark.exhaustive
 def test_a_rig_with_a_bus_is_loaded_without_the_library_of_mdf_files():
     program = (
         "import sys; from recoil_rigs.rig import load_rig; load_rig('mixed');"

@@ -34,6 +34,7 @@ HARMLESS = {"huge attributes", "rate of a text"}
 """To one who wants the samples: a large file of attributes, and one attribute that only the summary has."""
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("what", sorted(set(CRAFTED) - HARMLESS))
 def test_a_crafted_file_is_refused_with_one_line(sound: Path, tmp_path: Path, what: str) -> None:
     path = craft(sound, tmp_path / "x.h5", CRAFTED[what])
@@ -52,6 +53,7 @@ def test_what_is_not_needed_does_no_harm(sound: Path, tmp_path: Path) -> None:
         shot_summary(rate)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("what", "named"),
     [
@@ -78,6 +80,7 @@ def test_what_is_wrong_is_named(sound: Path, tmp_path: Path, what: str, named: s
     assert is_shot_file(path)
 
 
+@pytest.mark.exhaustive
 def test_no_other_type_of_any_value_gives_another_error(sound: Path, tmp_path: Path) -> None:
     with h5py.File(sound) as file:
         cases = wrong_types(file)
@@ -92,6 +95,7 @@ def test_no_other_type_of_any_value_gives_another_error(sound: Path, tmp_path: P
                 assert "is damaged: " in str(error)  # noqa: PT017 - some of them are not used by one of the two
 
 
+@pytest.mark.exhaustive
 def test_twenty_random_bytes_end_no_process_of_the_operators(sound: Path, tmp_path: Path) -> None:
     whole = sound.read_bytes()
     choice = random.Random(5)  # noqa: S311 - a test's choice of places, no secret
@@ -120,6 +124,7 @@ def test_the_death_of_the_reading_process_is_one_line_and_the_next_file_is_read(
     assert read_shot(sound).name == "0007"
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit of processor time; there the clock ends it")
 def test_a_file_that_takes_too_long_is_given_up(sound: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reader_process, "CPU_S", 1)

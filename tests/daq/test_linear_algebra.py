@@ -95,6 +95,7 @@ def test_a_number_in_the_environment_is_what_somebody_wants() -> None:
     assert printed(program, OMP_NUM_THREADS="2") == ["[2]", "2 2"]
 
 
+@pytest.mark.exhaustive
 def test_files_are_worked_on_by_one_thread_from_python(tmp_path: Path) -> None:
     (tmp_path / "rig.toml").write_text(with_twin("field-2013", **SHORTER).text, encoding="utf-8")
     program = """

@@ -71,6 +71,7 @@ def test_stamps_that_are_not_even_are_read_where_they_are() -> None:
     np.testing.assert_allclose(found.samples, np.sin(2 * np.pi * 40.0 * INSTANTS_S), atol=2e-3)
 
 
+@pytest.mark.exhaustive
 @given(st.integers(0, 2**32 - 1), st.floats(-5.0, 5.0), st.sampled_from([300.0, 4000.0, 30e3]))
 def test_a_sum_on_the_grid_is_the_sum_of_both(seed: int, factor: float, own_hz: float) -> None:
     t = np.arange(int(own_hz / 10)) / own_hz

@@ -208,6 +208,7 @@ def shots(draw: st.DrawFn) -> Shot:
     )
 
 
+@pytest.mark.exhaustive
 @given(shot=shots())
 @settings(max_examples=25, deadline=None)
 def test_a_shot_comes_back_exactly_as_it_was_written(shot: Shot) -> None:
@@ -391,6 +392,7 @@ def test_a_damaged_record_of_the_acquisition_is_a_damaged_file(written: Path) ->
 # What other readers see
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("engine", ENGINES)
 def test_xarray_opens_every_group_with_time_and_units(written: Path, engine: str) -> None:
     import xarray
@@ -850,6 +852,7 @@ def test_a_file_without_its_completion_mark_is_refused(written: Path) -> None:
         read_shot(written)
 
 
+@pytest.mark.exhaustive
 def test_a_file_cut_anywhere_is_refused_and_never_a_foreign_error(written: Path, tmp_path: Path) -> None:
     whole = written.read_bytes()
     cut = tmp_path / "cut.h5"

@@ -475,6 +475,7 @@ def pieces(draw, recording):
     return list(zip(np.split(times_s, cuts), np.split(values, cuts), strict=True))
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=250, deadline=None)
 @given(condition=conditions("a"), recording=recordings())
 def test_the_conditions_are_met_where_their_definitions_say(condition, recording):
@@ -487,6 +488,7 @@ def test_the_conditions_are_met_where_their_definitions_say(condition, recording
             assert decision.value == recording[1][decision.index]
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=200, deadline=None)
 @given(data=st.data())
 def test_neither_blocks_nor_the_order_in_which_channels_arrive_change_a_decision(data):
@@ -898,6 +900,7 @@ def test_a_manual_trigger_needs_a_time():
         TriggerDetector(Trigger(()), []).fire_manually(NAN)
 
 
+@pytest.mark.exhaustive
 @given(
     values=st.lists(st.one_of(st.floats(-20, 20), st.just(math.nan)), min_size=1, max_size=60),
     steps_s=st.lists(st.sampled_from([0.0, 0.05, 0.1, 0.3]), min_size=60, max_size=60),

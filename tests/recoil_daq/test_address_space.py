@@ -29,6 +29,7 @@ def limited(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shortage, "address_space_bytes", lambda: 2 * LEAST_BYTES)
 
 
+@pytest.mark.whole_way
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such limit")
 @pytest.mark.parametrize("megabytes", [100, 200, 400])
 @pytest.mark.parametrize(

@@ -79,6 +79,7 @@ def test_one_thing_in_anothers_place_is_called_what_it_is(run, words, told):
     assert not Path("out").exists()
 
 
+@pytest.mark.whole_way
 @pytest.mark.usefixtures("day")
 def test_a_shot_is_known_by_its_name_everywhere(run):
     for name in ("0001", "1", "0001.h5", "shots/0001", "shots/1"):

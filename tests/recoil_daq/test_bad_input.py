@@ -176,6 +176,7 @@ def test_a_report_folder_that_cannot_be_made_is_refused_before_the_work(run, sto
     refused(result, tmp_path / "out", "cannot write", "Not a directory")
 
 
+@pytest.mark.whole_way
 def test_an_existing_shot_file_is_kept(run, files, tmp_path):
     assert run("ingest", "field-2013", *files.values(), "--out", tmp_path, "--shot", "1").exit_code == 0
     before = (tmp_path / "1.h5").read_bytes()
@@ -225,6 +226,7 @@ def test_a_cut_shot_file_is_refused(run, stored, tmp_path):
     refused(run("identify", path, "--out", tmp_path / "out"), tmp_path / "out", "cut.h5")
 
 
+@pytest.mark.whole_way
 def test_another_shots_camera_file_keeps_the_shot_and_says_why_it_is_not_usable(run, files, tmp_path):
     other = simulate_shot(with_twin("field-2013"), tmp_path / "other", seed=2, shot="0001")
     camera = next(f for f in other.files if "camera" in f.name)
@@ -236,6 +238,7 @@ def test_another_shots_camera_file_keeps_the_shot_and_says_why_it_is_not_usable(
     assert (tmp_path / "x.h5").exists()
 
 
+@pytest.mark.whole_way
 def test_a_track_without_motion_keeps_the_shot_and_says_why_it_is_not_usable(run, files, tmp_path):
     header, *rows = files["camera"].read_text().splitlines()
     noise = np.random.default_rng(1).normal(0, 0.05, len(rows))

@@ -50,6 +50,7 @@ def test_help_imports_nothing_heavy():
     assert done.stdout.strip() == "[]"
 
 
+@pytest.mark.indispensable("start")
 def test_help_is_there_at_once():
     def seconds() -> float:
         before, start = os.times(), time.perf_counter()
@@ -111,11 +112,13 @@ def test_identify_writes_a_complete_report(identified):
     assert len(lines) > 4000
 
 
+@pytest.mark.indispensable("a folder of shots")
 def test_identify_takes_a_folder_of_shots(run, stored: Path, tmp_path):
     result = run("identify", stored.parent, "--out", tmp_path, "--json")
     assert [r["shot"] for r in json.loads(result.stdout)["reports"]] == ["0001"]
 
 
+@pytest.mark.whole_way
 def test_identify_takes_the_memory_from_the_shot_if_asked(run, stored: Path, tmp_path):
     given, chosen = (
         json.loads(run("identify", stored, "--out", tmp_path / name, "--window-s", name, "--json").stdout)["reports"][0]
@@ -152,6 +155,7 @@ def test_the_terminal_says_what_speaks_for_and_against_the_mass(identified):
     assert {f"note: {note}" for note in report["notes"]} <= set(lines)
 
 
+@pytest.mark.whole_way
 def test_a_valid_mass_that_deviates_says_so(run, field_shot: TwinShot, tmp_path):
     rig = tmp_path / "rig.toml"
     rig.write_text(field_shot.rig_file.read_text(encoding="utf-8").replace("m3 = 782.0", "m3 = 762.0"))
@@ -166,6 +170,7 @@ def test_a_valid_mass_that_deviates_says_so(run, field_shot: TwinShot, tmp_path)
     assert f"Valid, {report['deviation']}".replace("E_n", "En") in text_of(tmp_path / "1" / "report.html")
 
 
+@pytest.mark.whole_way
 def test_the_date_of_a_shot_goes_from_its_files_into_report_and_page(run, mixed_shot: TwinShot, tmp_path):
     run("ingest", "mixed", *mixed_shot.files, "--shot", "1", "--out", tmp_path)
     shown = json.loads(run("show", tmp_path / "1.h5", "--json").stdout)
@@ -179,6 +184,7 @@ def test_the_date_of_a_shot_goes_from_its_files_into_report_and_page(run, mixed_
     assert f"{shown['started']} (0001_can.blf" in text_of(tmp_path / "1" / "report.html")
 
 
+@pytest.mark.whole_way
 def test_identify_reports_the_method_that_was_asked_for(run, stored: Path, identified, tmp_path, field_shot: TwinShot):
     paper = run("identify", stored, "--out", tmp_path, "--method", "paper", "--json")
     default_report = identified.report
@@ -192,6 +198,7 @@ def test_identify_reports_the_method_that_was_asked_for(run, stored: Path, ident
     assert {m["name"] for m in default_report["methods"]} == {"calibrated", "reverse", "forward", "paper", "kinematic"}
 
 
+@pytest.mark.whole_way
 def test_a_report_is_not_overwritten_unless_asked(run, stored: Path, identified, tmp_path):
     shutil.copytree(identified.reports, tmp_path, dirs_exist_ok=True)
     (tmp_path / "0001" / "notes.txt").write_text("mine")
@@ -257,6 +264,7 @@ def test_a_role_without_a_stated_uncertainty_is_refused_before_the_day(run, fiel
     assert not (tmp_path / "shots").exists()
 
 
+@pytest.mark.whole_way
 def test_a_shot_that_was_recorded_without_uncertainties_is_identified_and_not_valid(
     run, field_shot: TwinShot, tmp_path
 ):
@@ -274,6 +282,7 @@ def test_a_shot_that_was_recorded_without_uncertainties_is_identified_and_not_va
     ]
 
 
+@pytest.mark.whole_way
 def test_what_is_taken_as_exact_is_said_in_check_verdict_and_report(run, field_shot: TwinShot, identified, tmp_path):
     said = [
         "taken as exact: bore_area, brake_area, recuperator_area",
@@ -309,6 +318,7 @@ def test_check_reports_an_overdue_calibration(run, tmp_path, field_shot: TwinSho
     assert "calibration was due 2020-01-15" in result.stderr
 
 
+@pytest.mark.whole_way
 def test_simulate_gives_each_shot_a_folder(run, tmp_path):
     rig, out = tmp_path / "rig.toml", tmp_path / "out"
     rig.write_text(with_twin("field-2013", **SHORTER).text, encoding="utf-8")
@@ -377,6 +387,7 @@ def keeping(function, kept):
     return once
 
 
+@pytest.mark.indispensable("demo")
 def test_demo_goes_the_whole_way_through_all_four_readers(run, monkeypatch, demonstrated):
     assert run("demo", "--out", demonstrated.folder).exit_code == 3
     monkeypatch.setattr(demo, "run_demo", lambda *_, **__: demonstrated.done)

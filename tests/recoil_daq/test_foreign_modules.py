@@ -47,6 +47,7 @@ def _plain_environment() -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
 
 
+@pytest.mark.whole_way
 def test_no_command_on_files_runs_a_module_of_the_users_folder(hostile: Path) -> None:
     # a short record: whose modules are run does not depend on its length
     rig = hostile / "rig.toml"

@@ -49,6 +49,7 @@ def test_every_public_name_is_there_and_nothing_else_is_promised() -> None:
         recoil_daq.identify_all  # noqa: B018 - asking is the test
 
 
+@pytest.mark.whole_way
 def test_a_result_is_one_line_all_lines_or_a_page(done: tuple[Ingested, Reported], run) -> None:
     ingested, report = done
     acceleration = ingested.shot.channels["acc_recoil"]
@@ -76,6 +77,7 @@ def test_a_report_has_its_figures_as_numbers(done: tuple[Ingested, Reported]) ->
     assert report.to_json()["mass"]["value"] == report.mass_kg
 
 
+@pytest.mark.whole_way
 def test_a_folder_of_shots_is_identified_with_one_cutoff(done: tuple[Ingested, Reported], tmp_path: Path) -> None:
     shots = tmp_path / "shots"
     shots.mkdir()
@@ -94,6 +96,7 @@ def test_shots_are_exported_and_any_file_opened(done: tuple[Ingested, Reported],
     assert read_shot(done[0].path).name == "0001"
 
 
+@pytest.mark.whole_way
 def test_a_users_script_and_the_analyst_s_are_type_checked_against_the_installed_wheel(tmp_path: Path) -> None:
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
     made = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)

@@ -63,6 +63,7 @@ def truth_kg(folder: Path, shot: str) -> float:
     return float(truth["m3"]) + float(truth["carried_mass"])
 
 
+@pytest.mark.indispensable("a body on a line")
 @pytest.mark.usefixtures("printed")
 def test_every_report_holds_the_true_mass(folder: Path) -> None:
     for number in range(1, SHOTS + 1):
@@ -97,6 +98,7 @@ def test_the_page_speaks_of_no_gun(folder: Path) -> None:
     assert found == set()
 
 
+@pytest.mark.whole_way
 @pytest.mark.usefixtures("printed")
 def test_a_campaign_holds_the_mass_that_its_shots_share(folder: Path) -> None:
     code, text = run("campaign", folder / "shots", "--out", folder / "campaign")
@@ -107,6 +109,7 @@ def test_a_campaign_holds_the_mass_that_its_shots_share(folder: Path) -> None:
     assert OF_A_GUN.findall(text) == []
 
 
+@pytest.mark.whole_way
 def test_a_prediction_says_what_one_shot_will_tell(folder: Path) -> None:
     code, text = run("predict", "sled", "--shots", "4", "--json")
     assert code == 0, text
@@ -118,6 +121,7 @@ def test_a_prediction_says_what_one_shot_will_tell(folder: Path) -> None:
     assert not OF_A_GUN.findall(text)
 
 
+@pytest.mark.whole_way
 @pytest.mark.usefixtures("printed")
 def test_a_report_explains_how_its_numbers_came_about_and_comes_about_again(folder: Path) -> None:
     code, text = run("explain", folder / "reports" / "0001")
@@ -141,6 +145,7 @@ def test_a_target_of_a_gun_says_that_it_is_one(folder: Path, target: str) -> Non
     assert "is found of a gun, and the rig is one of a body on a line" in " ".join(text.split())
 
 
+@pytest.mark.whole_way
 def test_the_transfer_function_is_found_on_a_line_too(folder: Path) -> None:
     code, text = run("identify", folder / "shots" / "0001.h5", "--target", "arx", "--out", folder / "arx")
     assert code in (0, 1), text

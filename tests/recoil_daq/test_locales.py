@@ -32,6 +32,7 @@ def rig(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("encoding", "shown"),
     [
@@ -47,11 +48,13 @@ def test_what_an_encoding_has_no_sign_for_is_spelled(rig: Path, encoding: str, s
     assert done.stdout.decode(encoding).splitlines()[0] == f"Rig {shown}: no fault"
 
 
+@pytest.mark.whole_way
 def test_a_document_is_the_same_in_every_encoding(rig: Path) -> None:
     done = run("ascii", "check", rig, "--json")
     assert json.loads(done.stdout)["rig"] == NAME
 
 
+@pytest.mark.indispensable("locale")
 def test_an_error_is_one_line_in_every_encoding(tmp_path: Path) -> None:
     done = run("ascii", "show", tmp_path / "прицел.csv")
     assert done.returncode == 3

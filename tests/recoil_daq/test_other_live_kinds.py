@@ -139,6 +139,7 @@ def test_a_device_of_another_key_than_the_packages_is_refused() -> None:
         parse_rig(mixed.text + DECLARED.replace("lines = 0,", "linnes = 0,"), mixed.path, mixed.databases)
 
 
+@pytest.mark.real_time
 @pytest.mark.usefixtures("lines")
 def test_its_channel_triggers_and_its_records_are_the_shot(day: Day) -> None:
     window = day.window

@@ -67,6 +67,7 @@ def installed(folder: Path) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(PACKAGE), *sys.path])}
 
 
+@pytest.mark.indispensable("another package")
 def test_show_and_ingest_read_a_format_of_another_package(field_shot: TwinShot, stored: Path, tmp_path: Path) -> None:
     environment = installed(tmp_path)
     csv, camera = sorted(field_shot.files, key=lambda path: recognise(path).kind, reverse=True)

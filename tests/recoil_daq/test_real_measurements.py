@@ -12,6 +12,7 @@ HELD = [name for name in cases() if "rates" in name]
 OTHERS = [name for name in cases() if name not in HELD]
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", HELD)
 def test_the_carriage_without_a_rest_holds_its_published_mass(name: str) -> None:
     found: Measured = cases()[name]()
@@ -20,6 +21,7 @@ def test_the_carriage_without_a_rest_holds_its_published_mass(name: str) -> None
     assert found.valid, found.reasons
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", OTHERS)
 def test_travel_alone_and_the_rocket_are_held_or_refused_with_a_reason(name: str) -> None:
     found: Measured = cases()[name]()

@@ -55,6 +55,7 @@ def test_the_rig_of_the_page_states_nothing_that_virtual_rigs_alone_need(tmp_pat
     assert {name for name in Mechanism.symbols() if getattr(mechanism, name) != getattr(mechanism, name)} >= {"m1", "f"}
 
 
+@pytest.mark.whole_way
 def test_every_command_takes_the_rig_of_the_page(way: tuple[list[Done], Path]) -> None:
     done, _ = way
     assert {one.words: one.fault for one in done if one.fault} == {}
@@ -76,6 +77,7 @@ def test_its_campaign_is_the_mass_and_its_geometry_is_what_it_states(way: tuple[
     assert not {"m1", "m2", "J1", "f", "m3"} & set(report["campaign"]["geometry"])
 
 
+@pytest.mark.whole_way
 def test_reports_that_state_null_of_what_lacks_are_combined_too(
     run, way: tuple[list[Done], Path], tmp_path: Path
 ) -> None:
@@ -90,6 +92,7 @@ def test_reports_that_state_null_of_what_lacks_are_combined_too(
     assert result.exit_code == 0, result.output
 
 
+@pytest.mark.whole_way
 def test_a_shot_of_the_page_is_taken_by_the_rig_that_states_more(way: tuple[list[Done], Path], tmp_path: Path) -> None:
     _, folder = way
     (tmp_path / "more.toml").write_text(with_virtual_values(documented_rig()), encoding="utf-8")
@@ -97,6 +100,7 @@ def test_a_shot_of_the_page_is_taken_by_the_rig_that_states_more(way: tuple[list
     assert 0.0 < found.u_rel < 0.01
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", ["mixed"])  # each key alone, and of both rigs: a benchmark
 def test_every_command_takes_a_rig_that_states_what_it_must(name: str, tmp_path: Path) -> None:
     tables = bundled_tables(name)

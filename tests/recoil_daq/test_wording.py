@@ -114,6 +114,7 @@ def without_words(value: Any, out: Path) -> Any:
     return value
 
 
+@pytest.mark.whole_way
 def test_nothing_but_the_words_changes_with_the_wording(
     range_day: tuple[Path, Simulated], tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:

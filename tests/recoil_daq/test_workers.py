@@ -98,6 +98,7 @@ def test_an_error_of_the_program_itself_keeps_its_kind_and_place(two: Workers) -
     assert "in fail" in str(caught.value.__cause__)
 
 
+@pytest.mark.indispensable("workers")
 @posix_only
 def test_a_process_that_crashes_is_one_line_with_the_shot_s_name_and_the_others_are_done() -> None:
     items, names = named(6)

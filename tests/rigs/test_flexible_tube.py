@@ -74,6 +74,7 @@ def lagrange():
     return sp.lambdify((q, v, particle), (dT.jacobian(v), h), modules="numpy", cse=True)
 
 
+@pytest.mark.exhaustive
 def test_mass_matrix_and_velocity_terms_are_lagranges() -> None:
     tube_, added = tube_of_particles(), lagrange()
     for q, qd in zip(*random_states(20, 2), strict=True):
@@ -129,6 +130,7 @@ def free_motion(tube_: FlexibleTube, end_s: float) -> tuple[np.ndarray, np.ndarr
     return run.y[:n].T, run.y[n:].T
 
 
+@pytest.mark.exhaustive
 def test_energy_is_conserved_without_loads_and_damping_takes_it_away() -> None:
     q, qd = free_motion(tube(), 0.08)
     energy = flexible.kinetic_energy(MECHANISM, tube(), q, qd) + flexible.potential_energy(MECHANISM, tube(), q)

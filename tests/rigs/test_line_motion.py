@@ -72,6 +72,7 @@ def test_a_latch_holds_and_the_accelerometer_feels_gravity_along_the_line() -> N
     assert found.specific_m_s2[rests] == pytest.approx(SLED.g * math.sin(0.2))
 
 
+@pytest.mark.exhaustive
 def test_friction_takes_what_the_motion_loses() -> None:
     found = moved(friction_n=90.0, push_n=0.0, start_m_s=0.4, pre_trigger_s=0.0, duration_s=2.5, **NO_BRAKE)
     stopped = 0.5 * SLED.m3 * 0.4**2 / 90.0
@@ -119,6 +120,7 @@ def test_what_is_no_mass_or_no_friction_is_refused(moved_kg: float, friction_n: 
         simulate_line(SLED, LineSettings(), moved_kg=moved_kg, friction_n=friction_n, reach_m=1.0)
 
 
+@pytest.mark.exhaustive
 def test_every_form_of_force_by_place_acts(recwarn: pytest.WarningsRecorder) -> None:
     del recwarn
     forces: dict[str, Callable[[], dict[str, float]]] = {

@@ -48,6 +48,7 @@ def onset_row(recording: Recording) -> int:
     return int(np.argmax(recording.read("AI 6/p_breech") >= 10.0))
 
 
+@pytest.mark.exhaustive
 def test_the_shot_is_what_the_trigger_keeps_of_a_long_recording(rig: Rig, shot: Path, long_text: Path):
     whole = opened(long_text)
     cut = cut_long_recordings(rig, {"dewetron": whole})["dewetron"]

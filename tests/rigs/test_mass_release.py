@@ -194,6 +194,7 @@ def test_all_of_the_mass_cannot_let_go() -> None:
         motion(782.0)
 
 
+@pytest.mark.exhaustive
 def test_the_sensors_feel_the_rest_and_the_truth_states_it(tmp_path: Path) -> None:
     settings = {"sample_rate_hz": 20e3, "duration_s": 0.3, "released_mass_kg": LOST_KG, "release_after_s": 0.03}
     rig = rig_with("field-2013", **settings)
@@ -211,6 +212,7 @@ def test_the_sensors_feel_the_rest_and_the_truth_states_it(tmp_path: Path) -> No
     assert not {"m3_after", "t_release"} & set(plain.truth)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("settings", "problem"),
     [
@@ -226,6 +228,7 @@ def test_a_release_that_cannot_be_is_refused_with_its_key(settings: dict[str, fl
     assert problem in str(caught.value)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", list(BEFORE))
 def test_where_nothing_lets_go_or_bends_or_wanders_shots_are_what_they_were_before_anything_could(
     tmp_path: Path, name: str

@@ -850,6 +850,7 @@ def rig_or_error(text: str) -> Rig | RigError:
         return error
 
 
+@pytest.mark.exhaustive
 @given(
     drop=st.sets(st.integers(0, len(LINES) - 1), max_size=6),
     put=st.dictionaries(st.integers(0, len(LINES) - 1), st.sampled_from(VALUES), max_size=4),

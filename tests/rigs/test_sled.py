@@ -44,6 +44,7 @@ def test_it_is_sound_usual_and_a_line() -> None:
     assert devices_of(rig) == {"f_push": "driving_force", "f_brake": "resisting_force"}
 
 
+@pytest.mark.exhaustive
 def test_the_files_and_the_truth_are_there(shot: TwinShot) -> None:
     assert sorted(one.name for one in shot.folder.iterdir()) == [
         "0003_camera.csv", "0003_recorder.csv", "rig.toml", "truth.json",
@@ -56,6 +57,7 @@ def test_the_files_and_the_truth_are_there(shot: TwinShot) -> None:
     assert truth["gains"].keys() == {"f_push", "f_brake", "acc_sled", "v_sled", "x_sled"}
 
 
+@pytest.mark.exhaustive
 def test_the_same_seed_gives_the_same_bytes(shot: TwinShot, tmp_path: Path) -> None:
     again = simulate_shot(load_rig("sled"), tmp_path / "again", seed=3, shot="0003")
     for one, other in zip(shot.files, again.files, strict=True):
@@ -64,6 +66,7 @@ def test_the_same_seed_gives_the_same_bytes(shot: TwinShot, tmp_path: Path) -> N
     assert another.truth["friction"] != shot.truth["friction"]
 
 
+@pytest.mark.exhaustive
 def test_without_errors_the_file_satisfies_newton(tmp_path: Path) -> None:
     rig = with_settings(load_rig("sled"), EXACT)
     table = pd.read_csv(simulate_shot(rig, tmp_path, seed=1, shot="1").files[0])
@@ -79,6 +82,7 @@ def test_without_errors_the_file_satisfies_newton(tmp_path: Path) -> None:
     assert moved[slides][5:-5] == pytest.approx(felt[slides][5:-5], abs=0.05)
 
 
+@pytest.mark.exhaustive
 def test_what_is_stated_is_drawn() -> None:
     rig = load_rig("sled")
     m = rig.mechanism
@@ -113,6 +117,7 @@ def test_a_mass_that_is_none_cannot_be_planned() -> None:
         CampaignPlan(mass_steps={2: -400.0}).draw(load_rig("sled"), 2, seed=1, campaign_seed=1)
 
 
+@pytest.mark.exhaustive
 def test_the_cells_of_a_side_share_its_force() -> None:
     text = load_rig("sled").text
     second = text.split("[[channel]]")[1].replace("f_push", "f_push_2").replace("L101", "L103")
@@ -160,6 +165,7 @@ def test_a_level_line_on_which_nothing_drives_does_not_move() -> None:
         with_settings(rig, {"push_n": 0.0})
 
 
+@pytest.mark.exhaustive
 def test_strokes_of_half_a_minute_and_a_drop_of_a_millisecond_can_be_had() -> None:
     long = {"push_n": 0.0, "strokes": 20, "brake_from_m": -1.0, "ringing": 0.0, "sample_rate_hz": 1000.0}
     scene, motion = scene_of(duration_s=25.0, **long)

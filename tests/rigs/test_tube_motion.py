@@ -87,6 +87,7 @@ def test_the_tube_hangs_still_before_the_shot_and_swings_after_it() -> None:
     assert np.ptp(motion.modal[:, 1]) < 0.3 * np.ptp(motion.modal[:, 0])
 
 
+@pytest.mark.exhaustive
 def test_a_very_stiff_tube_is_a_rigid_one() -> None:
     # the sample rate resolves its vibration: 16 Hz times the root of the stiffness' ratio
     m, _, stiff = shot(tube_bending_stiffness_n_m2=2e10, tube_modes=1)
@@ -116,6 +117,7 @@ def test_a_part_may_let_go_of_a_mechanism_that_bends() -> None:
     np.testing.assert_allclose(qdd[gone], expected, rtol=1e-8, atol=1e-7)
 
 
+@pytest.mark.exhaustive
 def test_the_truth_says_how_the_tube_bends(tmp_path: Path) -> None:
     rig = rig_with(sample_rate_hz=20e3, duration_s=0.3, tube_modes=1)
     told = simulate_shot(rig, tmp_path / "a", seed=2, shot="s1").truth["tube"]

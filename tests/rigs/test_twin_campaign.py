@@ -107,6 +107,7 @@ def loaded() -> Scene:
     return draw_scene(rig(), 11, "0002", 7, drawn(plan, 2)[1])
 
 
+@pytest.mark.exhaustive
 def test_what_is_added_moves_as_a_body_of_its_own_that_sits_on_the_recoiling_part() -> None:
     scene, base = loaded(), rig().mechanism
     motion, m = scene.motion, scene.mechanism
@@ -137,6 +138,7 @@ def test_force_over_what_the_sensor_feels_is_the_mass_with_all_that_was_added() 
     np.testing.assert_allclose((force / felt)[moving], expected, rtol=1e-6)
 
 
+@pytest.mark.exhaustive
 def test_true_gains_of_two_shots_differ_by_exactly_what_was_planted(tmp_path: Path) -> None:
     plan = CampaignPlan(drifts={"p_brake": 0.01}, outliers={4: {"x_camera": -0.02, "acc_recoil": 0.005}})
     first, last = (fired(tmp_path / str(n), plan, n).truth for n in (1, 4))
@@ -158,6 +160,7 @@ def test_the_recorded_numbers_have_the_planted_gain(tmp_path: Path) -> None:
         np.testing.assert_allclose(np.median(ratio), factor, atol=2e-4)
 
 
+@pytest.mark.exhaustive
 def test_charge_and_friction_are_those_of_the_shot(tmp_path: Path) -> None:
     plan = CampaignPlan(charges=(1.0, 0.65), friction_scatter=0.03)
     plain, weak = fired(tmp_path / "plain", None).truth, fired(tmp_path / "weak", plan, 2).truth
@@ -177,6 +180,7 @@ def test_a_plan_without_anything_in_it_changes_no_recorded_byte_and_the_truth_by
     assert more <= set(planned.truth)
 
 
+@pytest.mark.exhaustive
 def test_the_truth_states_all_that_was_planned_and_drawn(tmp_path: Path) -> None:
     plan = CampaignPlan(
         added_mass_kg=120.0,

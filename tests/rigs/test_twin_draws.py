@@ -61,6 +61,7 @@ def drawn() -> list[DrawnForces]:
     return [forces_of(seed) for seed in SEEDS]
 
 
+@pytest.mark.exhaustive
 def test_the_share_that_is_not_read_is_drawn_from_what_is_stated() -> None:
     shares = [one.truth["share"] for one in drawn()]
     assert kstest(shares, norm(0.0, 0.01).cdf).pvalue > 0.01
@@ -82,6 +83,7 @@ def test_where_it_is_positive_it_is_a_mixture_and_where_negative_a_pressure() ->
         assert (f.back_pressure_pa > 0) is not positive
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("share", [0.02, -0.015])
 def test_the_impulse_of_a_share_is_that_share_of_what_is_read(share: float) -> None:
     rig = with_twin(
@@ -119,6 +121,7 @@ def test_slides_and_oil_are_drawn_beside_it_and_are_never_negative() -> None:
     assert "share" not in found[0].truth
 
 
+@pytest.mark.exhaustive
 def test_the_latent_force_has_the_size_that_is_stated_and_is_the_rigs() -> None:
     assert {one.forces.latent_share for one in drawn()} == {0.002}
     scenes = [draw_scene(with_twin("field-2013", LATENT, unread_errors=True, **SHORT), k, "1") for k in range(12)]
@@ -154,6 +157,7 @@ def test_what_was_asked_for_is_there_beside_what_was_drawn() -> None:
     assert (found.forces.bump_n, found.forces.curves_seed) == (500.0, 11)
 
 
+@pytest.mark.exhaustive
 def test_the_truth_tells_what_was_drawn(tmp_path: Path) -> None:
     rig = load_rig("field-2013")
     brief = parse_rig(rig.text.replace("duration_s = 0.5", "duration_s = 0.3"), rig.path)

@@ -39,6 +39,7 @@ def perfect_scene() -> Scene:
     return draw_scene(parse_rig(text, path), 7, "s")
 
 
+@pytest.mark.exhaustive
 def test_perfect_instruments_satisfy_the_identification_equation_both_ways() -> None:
     scene = perfect_scene()
     m, motion = scene.mechanism, scene.motion

@@ -32,6 +32,7 @@ def forces(m: Mechanism, motion: Motion) -> np.ndarray:
     )  # fmt: skip
 
 
+@pytest.mark.exhaustive
 def test_the_accelerations_are_those_of_the_model_under_the_recorded_loads() -> None:
     m, motion = bundled()
     expected = model.accelerations(m, motion.q, motion.qd, forces(m, motion))
@@ -54,6 +55,7 @@ def test_velocity_and_travel_are_the_integrals_of_the_acceleration() -> None:
         np.testing.assert_allclose(integral, expected, atol=1e-5 * np.abs(integral).max())
 
 
+@pytest.mark.exhaustive
 def test_a_smaller_step_gives_the_same_motion() -> None:
     m, motion = bundled()
     finer = SETTINGS.model_copy(update={"sample_rate_hz": 100e3, "duration_s": 0.15})
@@ -62,6 +64,7 @@ def test_a_smaller_step_gives_the_same_motion() -> None:
     np.testing.assert_allclose(motion.qd[:7500], fine.qd[::2], atol=1e-4)
 
 
+@pytest.mark.exhaustive
 def test_a_lower_sample_rate_is_integrated_in_smaller_steps() -> None:
     m, motion = bundled()
     slow = simulate_motion(

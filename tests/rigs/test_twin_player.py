@@ -125,6 +125,7 @@ def play(rig: Rig, shots: list[TwinShot], **options: Any) -> Recorded:
     return Recorded(blocks, devices, truth["sources"], anchored, player.fired_ns[0] - round(1e9 * truth["fire_s"][0]))
 
 
+@pytest.mark.real_time
 def test_the_frames_of_a_bus_go_on_through_silence_and_shots(rig: Rig, shots: list[TwinShot]) -> None:
     timeline = Timeline.plan(2, 0.55, 0.3, 0.2)
     items = list(can_items(rig, rig.source("can"), shots, timeline, (), seed=1))
@@ -187,6 +188,7 @@ def test_a_sensors_clock_steps_only_where_it_was_told_to(rig: Rig, shots: list[T
     assert all(layout.is_whole(item.data) for item in items if item.whole)
 
 
+@pytest.mark.real_time
 @needs_pty
 def test_everything_that_was_played_is_received(rig: Rig, shots: list[TwinShot], tmp_path: Path) -> None:
     got = play(rig, shots[:1], silence_before_s=0.2, silence_after_s=0.1)
@@ -257,6 +259,7 @@ def test_faults_are_counted_exactly_by_player_and_devices(rig: Rig, shots: list[
     assert missing == imu_truth["lost"] + imu_truth["damaged"] + 2
 
 
+@pytest.mark.real_time
 @needs_pty
 def test_a_sensor_and_an_adapter_are_unplugged_in_the_shot_and_come_back(
     rig: Rig, shots: list[TwinShot], tmp_path: Path
@@ -295,6 +298,7 @@ def test_a_sensor_and_an_adapter_are_unplugged_in_the_shot_and_come_back(
     assert truth["frames"] - truth["unplugged"] - unheard - 5 <= read <= truth["frames"] - truth["unplugged"]
 
 
+@pytest.mark.real_time
 @needs_pty
 def test_nothing_is_left_behind(rig: Rig, shots: list[TwinShot]) -> None:
     threads = set(threading.enumerate())
@@ -325,6 +329,7 @@ def test_the_play_does_not_begin_before_the_adapter_is_opened(rig: Rig, shots: l
             player.start(ready_timeout_s=0.05)
 
 
+@pytest.mark.real_time
 @needs_pty
 def test_the_play_says_when_each_shot_fires(rig: Rig, shots: list[TwinShot]) -> None:
     with TwinPlayer(rig, shots, silence_before_s=0.3, silence_after_s=0.1, speed=20.0) as player:

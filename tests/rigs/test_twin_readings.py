@@ -80,6 +80,7 @@ def test_filters_are_those_of_their_transfer_functions() -> None:
     np.testing.assert_allclose(lagged(signal, STEP_S, 5e-3), 2.0 + behind([1.0], [5e-3, 1.0], signal), **close)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("name", "key", "hz", "damping"),
     [
@@ -268,6 +269,7 @@ def test_knocks_are_pulses_while_it_recoils() -> None:
     assert np.abs(added).max() > 10.0
 
 
+@pytest.mark.exhaustive
 def test_the_rest_is_quieter_than_the_motion_on_every_channel_of_the_recorder() -> None:
     loud = with_settings(clean(), {"noise": 0.001, "duration_s": 1.2})
     quiet = with_settings(loud, {"readings.rest_noise": 0.25})
@@ -316,6 +318,7 @@ def drawn_late(rig: Rig, seeds: range, campaign_seed: int | None = None) -> list
     return found
 
 
+@pytest.mark.exhaustive
 def test_a_recuperator_gauge_of_unknown_delay_sits_behind_an_orifice_of_the_usual_size() -> None:
     rig = with_twin("field-2013", kind=False, sample_rate_hz=1e3, duration_s=0.3)
     taus = np.array([late["p_recuperator"]["orifice_s"] for late in drawn_late(rig, range(200))])
@@ -326,6 +329,7 @@ def test_a_recuperator_gauge_of_unknown_delay_sits_behind_an_orifice_of_the_usua
     assert drawn_late(stated, range(2)) == [{}, {}]
 
 
+@pytest.mark.exhaustive
 def test_a_delay_that_is_stated_is_off_by_draws_from_its_uncertainty() -> None:
     rig = with_twin("field-2013", kind=False, sample_rate_hz=1e3, duration_s=0.3)
     text = rig.text.replace('serial = "V303"', 'serial = "V303", u_delay_s = 0.001')
@@ -335,6 +339,7 @@ def test_a_delay_that_is_stated_is_off_by_draws_from_its_uncertainty() -> None:
         assert kstest([one[name]["shift_s"] / u_s for one in late], "norm").pvalue > 0.01
 
 
+@pytest.mark.exhaustive
 def test_the_truth_tells_noise_and_delays_and_what_was_set(tmp_path: Path) -> None:
     rig = with_twin("field-2013", kind=False, sample_rate_hz=10e3, duration_s=0.3)
     given = with_settings(rig, {"readings.rest_noise": 0.5, "readings.lens_m": 0.001, "unread.bump_n": 300.0})

@@ -68,6 +68,7 @@ def test_the_bundled_rigs_load_and_can_be_simulated(name: str) -> None:
     assert read_settings(rig).sample_rate_hz == 50e3
 
 
+@pytest.mark.exhaustive
 def test_the_recorders_files_a_copy_of_the_rig_and_the_truth_are_there(mixed: TwinShot) -> None:
     names = {p.name for p in mixed.folder.iterdir()}
     assert names == {
@@ -81,6 +82,7 @@ def test_the_recorders_files_a_copy_of_the_rig_and_the_truth_are_there(mixed: Tw
     assert json.loads(mixed.truth_file.read_text(encoding="utf-8")) == mixed.truth
 
 
+@pytest.mark.exhaustive
 def test_shots_of_one_campaign_share_their_sensors_and_nothing_else(tmp_path):
     rig = variant("mixed", FAST)
     one, other, alone = (
@@ -96,6 +98,7 @@ def test_shots_of_one_campaign_share_their_sensors_and_nothing_else(tmp_path):
         simulate_shot(rig, tmp_path / "none", seed=1, shot="1", campaign_seed=-1)
 
 
+@pytest.mark.exhaustive
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_does_not(mixed: TwinShot, tmp_path: Path) -> None:
     again = simulate_shot(variant("mixed", FAST), tmp_path / "again", seed=11, shot="0042")
     other = simulate_shot(variant("mixed", FAST), tmp_path / "other", seed=12, shot="0042")
@@ -339,6 +342,7 @@ def test_the_capture_is_one_that_the_program_reads(mixed: TwinShot) -> None:
     assert [(one.host_ns, one.payload) for one in capture.of(0)] == records
 
 
+@pytest.mark.exhaustive
 def test_the_truth_states_mass_events_and_errors(mixed: TwinShot, tmp_path: Path) -> None:
     truth = mixed.truth
     assert (truth["m3"], truth["seed"], truth["shot"], truth["t_fire"]) == (782.0, 11, "0042", 0.05)
@@ -363,6 +367,7 @@ def test_an_existing_file_is_never_overwritten(tmp_path: Path) -> None:
     assert (tmp_path / "0042_imu.rdlog").read_bytes() == b"mine"
 
 
+@pytest.mark.exhaustive
 def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError, match="cannot be written"):
@@ -394,6 +399,7 @@ def test_faults_of_the_twin_table_are_reported_with_their_keys(tmp_path: Path, t
     assert not (tmp_path / "x").exists()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("old", "new", "key"),
     [

@@ -91,6 +91,7 @@ WRITTEN: list[tuple[dict[str, float], Callable[[Motion], np.ndarray]]] = [
 ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("unread", "written"), WRITTEN, ids=[next(iter(one)) for one, _ in WRITTEN])
 def test_a_force_is_its_equation_along_the_motion_and_moves_the_part(
     unread: dict[str, float], written: Callable[[Motion], np.ndarray]
@@ -132,6 +133,7 @@ def test_the_work_of_all_forces_together_is_the_change_of_energy_with_that_of_th
     assert lost[-1] > 500.0
 
 
+@pytest.mark.exhaustive
 def test_oil_that_is_carried_along_a_tube_that_bends_is_an_inertia_of_the_travel() -> None:
     oil, none = moved(2, carried_oil_kg=10.0), moved(2)
     early = since(oil) < 0.004
@@ -193,6 +195,7 @@ def test_drag_in_the_bore_ends_with_the_exit_and_a_muzzle_brake_begins_there() -
     assert not motion.unread_n.any()
 
 
+@pytest.mark.exhaustive
 def test_gas_leaves_after_the_exit_and_takes_no_momentum_from_the_rest() -> None:
     exit_s, _ = projectile()
     motion, m = moved(leaving_gas_kg=6.0, **EXIT), mechanism()
@@ -218,6 +221,7 @@ def of_mass(m: Mechanism, motion: Motion, i: int) -> np.ndarray:
     )  # fmt: skip
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("key", "size"), [("rough_share", 0.01), ("latent_share", 0.01), ("friction_by_place", 0.3)])
 def test_a_random_force_is_one_curve_over_the_travel_and_another_seed_another(key: str, size: float) -> None:
     one, same, other = (
@@ -236,6 +240,7 @@ def test_a_random_force_is_one_curve_over_the_travel_and_another_seed_another(ke
     assert 0.1 < np.std(found[0]) / (size * largest) < 2.0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("covariance", "written"),
     [

@@ -192,6 +192,7 @@ def test_a_source_is_late_beyond_a_quarter_of_a_second(late_s: float, late: bool
     assert with_cuts(BEGUN, cuts, "0001.rdlog").sources[0].late is late
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("of_the_bus", ["steady", "busy", "stood still"])
 def test_a_shots_capture_holds_the_shots_share_of_a_stream_whatever_another_source_does(
     tmp_path: Path, of_the_bus: str

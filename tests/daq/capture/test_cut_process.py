@@ -44,6 +44,7 @@ def journal(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.exhaustive
 def test_it_is_the_same_as_here(journal: Path, tmp_path: Path) -> None:
     here = write_shot(open_log(journal), RECORD, tmp_path / "here" / "0001.rdlog", BEGUN, *SPAN_NS)
     there = cut_apart(journal, tmp_path / "there" / "0001.rdlog", BEGUN, *SPAN_NS)
@@ -58,12 +59,14 @@ def test_it_is_the_same_as_here(journal: Path, tmp_path: Path) -> None:
     assert str(refused.value) == f"{tmp_path}/there/0001.rdlog: exists already; move it elsewhere"
 
 
+@pytest.mark.exhaustive
 def test_what_an_earlier_attempt_left_is_made_anew(journal: Path, tmp_path: Path) -> None:
     partial_path(tmp_path / "0001.rdlog").write_text("x")
     cut_apart(journal, tmp_path / "0001.rdlog", BEGUN, *SPAN_NS)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["0001.rdlog", "journal"]
 
 
+@pytest.mark.exhaustive
 def test_a_fault_comes_back_as_one_line(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="holds no log"):
         cut_apart(tmp_path, tmp_path / "out" / "0001.rdlog", BEGUN, *SPAN_NS)

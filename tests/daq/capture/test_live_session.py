@@ -159,6 +159,7 @@ def test_a_session_in_which_nothing_happened_leaves_no_journal(tmp_path: Path, d
     assert not (tmp_path / "journal").exists()
 
 
+@pytest.mark.real_time
 def test_what_was_watched_is_released_and_what_crossed_while_disarmed_stays(
     tmp_path: Path, device: PlayedBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -189,6 +190,7 @@ def test_what_was_watched_is_released_and_what_crossed_while_disarmed_stays(
     assert held[begins : begins + len(around)] == around
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("delay_s", [0.05, 0.38])
 def test_what_a_stalled_read_returns_after_the_shots_end_is_in_the_shot(
     tmp_path: Path, device: PlayedBus, delay_s: float
@@ -218,6 +220,7 @@ def test_what_a_stalled_read_returns_after_the_shots_end_is_in_the_shot(
     assert not (tmp_path / "journal").exists()
 
 
+@pytest.mark.real_time
 def test_a_source_that_answers_after_its_shot_was_given_up_keeps_the_journal(
     tmp_path: Path, device: PlayedBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -242,6 +245,7 @@ def test_a_source_that_answers_after_its_shot_was_given_up_keeps_the_journal(
     assert (tmp_path / "journal").exists()
 
 
+@pytest.mark.real_time
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="tells files apart by /proc")
 def test_a_disk_that_fails_costs_nothing_where_there_is_a_spare_folder(
     tmp_path: Path, device: PlayedBus, monkeypatch: pytest.MonkeyPatch

@@ -160,6 +160,7 @@ def test_what_was_read_late_makes_a_window_begin_where_it_may_have_arrived() -> 
     assert begins == pytest.approx([10.3, 9.3, 10.3, 10.3])
 
 
+@pytest.mark.exhaustive
 @given(
     pulses=st.sets(st.integers(1, 6).map(lambda k: 15 * k), max_size=5),
     watched=st.integers(0, 200),

@@ -156,6 +156,7 @@ def test_a_missing_socketcan_link_says_what_to_do() -> None:
         open_device("bus", "can", {"interface": "socketcan", "channel": "nocan7"})
 
 
+@pytest.mark.real_time
 @needs_pty
 def test_slcan_over_a_pseudo_terminal_loses_nothing(adapter: SlcanAdapter) -> None:
     device = open_device("bus", "can", adapter.device)

@@ -86,6 +86,7 @@ def test_the_thread_that_reads_does_not_wait_for_a_count_that_takes_long(monkeyp
     assert (check.bad, check.skipped_bytes, check.counter_gaps) == (0, 0, 0)
 
 
+@pytest.mark.real_time
 @settings(max_examples=40, deadline=None)
 @given(lost=st.sets(st.integers(1, 2998), max_size=20), size=st.integers(1, 700))
 def test_gaps_of_a_message_counter_are_counted_over_its_wrap(lost: set[int], size: int) -> None:

@@ -37,6 +37,7 @@ def dated(made: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(ticks), np.concatenate(times)
 
 
+@pytest.mark.real_time
 @settings(max_examples=40)
 @given(
     ppm=st.floats(-200, 200),

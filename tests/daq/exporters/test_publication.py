@@ -181,6 +181,7 @@ def test_signs_types_and_lost_samples_count_when_numbers_are_compared():
     assert first_difference(tables(1.0), []) == "time bases"
 
 
+@pytest.mark.exhaustive
 def test_only_the_format_that_is_asked_for_is_imported():
     script = """
 import sys

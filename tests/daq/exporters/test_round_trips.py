@@ -49,6 +49,7 @@ def same_bits(one: np.ndarray, other: np.ndarray) -> bool:
 # Our own readers
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["csv", "parquet"])
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(shot=odd_shots(ODD_NAMES))
@@ -272,6 +273,7 @@ def test_dewesoft_like_text_says_by_how_much_it_is_off(tmp_path):
 # Every format
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", EXPORTERS)
 @settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(shot=odd_shots(PLAIN_NAMES, least=1))

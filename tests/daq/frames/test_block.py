@@ -67,6 +67,7 @@ DAMAGES = st.lists(
 )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=60, deadline=None)
 @given(

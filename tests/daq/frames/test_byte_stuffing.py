@@ -62,6 +62,7 @@ PACKET = st.one_of(
 )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("many", "one", "delimiter"),
     [(decode_cobs_packets, decode_cobs, b"\0"), (decode_slip_packets, decode_slip, b"\xc0")],

@@ -75,6 +75,7 @@ SHORT_ALPHABET = st.lists(st.sampled_from([0, 1, 1, 1, 2, 3, 4]), max_size=80).m
 LINE_ALPHABET = st.lists(st.sampled_from(list(b"$1,2*3\r\n\n#")), max_size=80).map(bytes)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("framing", [WEAK, BARE, VARIABLE])
 @settings(max_examples=250, deadline=None)
 @given(stream=SHORT_ALPHABET, cuts=st.lists(st.integers(0, 200), max_size=6))
@@ -84,6 +85,7 @@ def test_splitting_a_stream_anywhere_changes_nothing(framing: Any, stream: bytes
     assert decoded(framing, [stream[i : i + 1] for i in range(len(stream))]) == whole
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("framing", [LINES, PLAIN_LINES])
 @settings(max_examples=250, deadline=None)
 @given(

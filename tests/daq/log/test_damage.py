@@ -33,6 +33,7 @@ def test_an_undamaged_log_is_without_a_fault(whole):
     assert len(open_log(folder).segments) >= 3
 
 
+@pytest.mark.exhaustive
 def test_damage_of_every_kind_costs_what_it_touches_and_is_counted(whole, tmp_path):
     faults, kinds = faults_of_trials(*whole, tmp_path / "damaged", trials=40, seed=1)
     assert faults == []
@@ -61,6 +62,7 @@ def test_a_reader_that_trusts_payloads_is_found_out(whole, tmp_path, monkeypatch
     assert any("wrong" in fault for fault in faults)
 
 
+@pytest.mark.exhaustive
 def test_a_reader_that_takes_records_as_they_stand_is_found_out(whole, tmp_path, monkeypatch):
     monkeypatch.setattr(folder_module, "in_order", lambda records, _following: records)
     faults, _ = faults_of_trials(*whole, tmp_path / "damaged", trials=20, seed=3)
@@ -68,6 +70,7 @@ def test_a_reader_that_takes_records_as_they_stand_is_found_out(whole, tmp_path,
     assert any("not in order" in fault for fault in faults)
 
 
+@pytest.mark.exhaustive
 def test_any_bit_of_a_head_costs_this_record_alone(tmp_path):
     written = write_log(tmp_path / "log", 20)
     chosen = next(one for one in written if one.source == 1 and one.number > 12)
@@ -196,6 +199,7 @@ def test_a_segment_that_is_there_twice_is_not_read_twice(whole, tmp_path):
     assert faults_of_reading(tmp_path / "log", written) == []
 
 
+@pytest.mark.exhaustive
 def test_a_payload_full_of_marks_is_given_up_soon(tmp_path):
     with LogWriter(tmp_path / "log", {}, 0, segment_bytes=4 << 20) as writer:
         marks = (MARK + writer.log_id) * 80_000

@@ -71,6 +71,7 @@ def test_a_capture_of_everything_holds_everything(log, tmp_path):
     assert read_capture(tmp_path / "all.rdlog").records == tuple(log.records())
 
 
+@pytest.mark.exhaustive
 def test_any_record_that_is_missing_of_a_capture_is_said_and_no_log_is_removed_for_it(log, tmp_path):
     start, stop = middle(log)
     path = tmp_path / "whole.rdlog"
@@ -93,6 +94,7 @@ def test_any_record_that_is_missing_of_a_capture_is_said_and_no_log_is_removed_f
         assert not capture_holds(log, path, start, stop)
 
 
+@pytest.mark.exhaustive
 def test_damage_of_a_capture_costs_one_record_and_is_said(log, tmp_path):
     start, stop = middle(log)
     path = tmp_path / "whole.rdlog"

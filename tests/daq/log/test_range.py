@@ -74,6 +74,7 @@ def faults_of_windows(folder: Path, windows: int, seed: int) -> list[str]:
     return faults
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("closed", [True, False])
 def test_a_range_is_a_filter_of_all_however_late_something_was_appended(tmp_path, monkeypatch, closed):
     write_late(tmp_path / "log", monkeypatch, closed=closed)
@@ -113,6 +114,7 @@ def test_a_range_is_a_filter_of_all_to_the_nanosecond(tmp_path, monkeypatch, ste
         assert list(log.records(0, stop_ns=stop)) == expected
 
 
+@pytest.mark.exhaustive
 def test_a_range_is_a_filter_of_all_where_the_log_is_damaged(tmp_path, monkeypatch):
     write_late(tmp_path / "log", monkeypatch, closed=True)
     choice = random.Random(2)  # noqa: S311 - a test's choice, no secret

@@ -400,6 +400,7 @@ def small_disk(tmp_path) -> Iterator[Path]:
     subprocess.run([shutil.which("umount") or "umount", str(point)], check=True)
 
 
+@pytest.mark.exhaustive
 def test_a_really_full_disk_is_refused_when_arming_and_told_later(small_disk):
     with pytest.raises(StoreError, match="not enough room"):
         writer_in(small_disk / "j", reserve_bytes=5 << 20, segment_bytes=1 << 18)
@@ -424,6 +425,7 @@ def test_reserved_space_is_there_when_another_program_fills_the_disk(small_disk)
 # --- a process that is interrupted, or killed
 
 
+@pytest.mark.exhaustive
 @needs_kill
 def test_a_killed_writer_loses_nothing_that_it_was_told_is_written(tmp_path):
     for i, delay_s in enumerate(random_delays_s(4, seed=1)):

@@ -56,6 +56,7 @@ def read_all(path: Path) -> None:
     recording.tracks()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_hostile_file_takes_little(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bounded_file, "SPARE_BYTES", SPARE_BYTES)

@@ -25,6 +25,7 @@ def test_there_is_a_long_text_of_every_reader_of_texts() -> None:
     assert len(texts) > 10
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", LONG_TEXTS)
 def test_a_text_takes_at_most_ten_times_its_size(name: str, tmp_path: Path) -> None:
     text = LONG_TEXTS[name]

@@ -32,6 +32,7 @@ def set_cell(log: Path, shot: str, text: str) -> ShotLog:
     return ShotLog.changed(log, lambda found: found.with_cells(shot, {"notes": text}), ())
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("number", range(len(KINDS)))
 def test_no_race_loses_a_row_or_a_cell(tmp_path: Path, number: int) -> None:
     race = run_race(tmp_path / "shots", number)
@@ -39,6 +40,7 @@ def test_no_race_loses_a_row_or_a_cell(tmp_path: Path, number: int) -> None:
     assert (race.lost, race.refused) == ([], [])
 
 
+@pytest.mark.exhaustive
 def test_what_others_wrote_a_moment_ago_is_waited_for_also_where_it_ends_on_a_whole_line(tmp_path: Path) -> None:
     log = tmp_path / SHOT_LOG
     log.write_text("shot,notes\na,theirs\n", encoding="utf-8")
@@ -66,6 +68,7 @@ def test_what_a_command_wrote_is_not_waited_for(tmp_path: Path) -> None:
     assert time.monotonic() - begun_s < QUIET_S
 
 
+@pytest.mark.exhaustive
 def test_a_half_that_equals_what_a_command_wrote_before_is_waited_for(tmp_path: Path) -> None:
     log = tmp_path / SHOT_LOG
     first = set_cell(log, "a", "ours").path.read_bytes()
@@ -82,6 +85,7 @@ def test_a_half_that_equals_what_a_command_wrote_before_is_waited_for(tmp_path: 
     saving.join()
 
 
+@pytest.mark.exhaustive
 def test_a_save_between_the_check_and_the_replacement_stays_with_the_change_made_to_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -100,6 +104,7 @@ def test_a_save_between_the_check_and_the_replacement_stays_with_the_change_made
     assert done.sha256 == ShotLog.read(log, ()).sha256
 
 
+@pytest.mark.exhaustive
 def test_what_is_written_late_into_the_file_that_was_replaced_is_taken_by_the_next_command(tmp_path: Path) -> None:
     log = saved(tmp_path / SHOT_LOG, "shot,notes,exclude\na,,\n")
     with log.open("r+", encoding="utf-8") as late:
@@ -183,6 +188,7 @@ def test_what_was_replaced_is_kept_where_somebody_else_wrote_it_or_a_cell_is_gon
     ]
 
 
+@pytest.mark.exhaustive
 def test_what_is_kept_is_bounded_in_number_and_never_thrown_away(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

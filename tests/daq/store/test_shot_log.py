@@ -42,6 +42,7 @@ def log_of(text: str | bytes, folder: Path, *shots: str) -> ShotLog:
     return ShotLog.read(saved(folder / SHOT_LOG, text), shots)
 
 
+@pytest.mark.exhaustive
 @given(header=HEADERS, row=ROWS)
 def test_a_row_that_is_written_is_read_as_it_was(tmp_path_factory, header, row):
     before = log_of(header, tmp_path_factory.mktemp("log"))
@@ -54,6 +55,7 @@ def test_a_row_that_is_written_is_read_as_it_was(tmp_path_factory, header, row):
     assert again.sha256 != before.sha256
 
 
+@pytest.mark.exhaustive
 @given(row=ROWS.map(lambda row: ShotLogRow(row.shot, row.time, notes=row.notes)))
 def test_an_added_row_leaves_the_bytes_above_it(tmp_path_factory, row):
     text = '\ufeffshot;time;notes\r\n7x;früher;"a;b"\r\n\r\n'

@@ -59,6 +59,7 @@ def saved_text(order: str) -> str:
     return "\n".join((HEAD, *rows, "" if order != "no end" else "x")).removesuffix("\nx")
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=20, deadline=None)
 @given(
     known=st.booleans(),

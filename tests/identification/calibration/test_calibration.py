@@ -216,6 +216,7 @@ def test_a_cameras_sensitivity_is_what_the_mass_does_when_the_camera_reads_high(
     assert budget[CAMERA_SCALE].sensitivity == pytest.approx((high - low) / 2e-4, rel=0.02)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("with_camera", [False, True])
 def test_the_stated_interval_covers_the_mass_as_often_as_it_says(with_camera):
     rng = np.random.default_rng(20130901)
@@ -264,6 +265,7 @@ def test_what_the_stop_gives_at_the_release_is_found_and_taken_off():
     assert np.abs(a - exact().acceleration_m_s2)[at_release].max() < 0.6 * off.min()
 
 
+@pytest.mark.whole_way
 def test_the_errors_left_are_those_that_draws_of_the_sensors_leave():
     rng, left = np.random.default_rng(5), []
     for _ in range(150):

@@ -58,6 +58,7 @@ def of_breech(channel: ChannelSpec, **changed: object) -> ChannelSpec:
     return channel.model_copy(update={"sensor": sensor}) if channel.role == "breech_pressure" else channel
 
 
+@pytest.mark.whole_way
 def test_every_scale_is_a_sensors_and_that_of_the_mean_is_both_gauges(both):
     scopes = {row.source: row.scope for row in both.chosen.estimate.budget}
     assert scopes[of_gauge(FIRST)] == scopes[of_gauge(SECOND)] == "sensor"
@@ -112,6 +113,7 @@ def test_their_difference_is_told_far_better_than_either(both, shot):
     assert apart @ inferred.values[at] == pytest.approx(by_hand, abs=1e-3)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(("channel", "other", "factor"), [(FIRST, SECOND, 1.04), (SECOND, FIRST, 0.96)])
 def test_a_gauge_that_is_off_is_set_aside_and_the_others_give_the_mass(rig, shot, channel, other, factor):
     off = with_channels(shot, **{channel: factor * np.asarray(shot.channels[channel].samples)})
@@ -135,6 +137,7 @@ def test_a_gauge_that_lost_samples_is_set_aside_where_another_did_not(rig, shot,
     assert found.chosen.estimate.mass_kg == pytest.approx(one.chosen.estimate.mass_kg, rel=1e-9)
 
 
+@pytest.mark.whole_way
 def test_a_gauge_that_a_shot_does_not_have_makes_nothing_surer(rig, shot, one):
     found = identify_shot(FiredShot(shot.without_channel(SECOND), rig), Options())
     assert [note for note in found.notes if note == f"{SECOND} is set aside: it is not in this shot"]
@@ -346,6 +349,7 @@ def test_gauges_of_one_standard_share_its_part(rig):
     assert scale_uncertainty(shared).gauges[0] == pytest.approx(math.hypot(0.003, 0.004 / math.sqrt(2)))
 
 
+@pytest.mark.whole_way
 def test_targets_take_the_gauges_that_the_mass_takes(rig, shot):
     sound, off = (
         Case(FiredShot(shot, rig)),

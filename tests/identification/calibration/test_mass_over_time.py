@@ -69,6 +69,7 @@ def drifting(by: float) -> np.ndarray:
     return 1.0 + by * ramps(r.times_s, r.interval_s, 1)[:, 0]
 
 
+@pytest.mark.whole_way
 def test_a_constant_mass_is_called_changing_as_often_as_the_level_says(monkeypatch: pytest.MonkeyPatch):
     # a probability of 5 % is known to a tenth
     monkeypatch.setattr("recoil_identification.calibration.mass_over_time.DRAWS", 2_000)
@@ -211,6 +212,7 @@ def test_the_walk_has_twelve_pieces_and_may_change_by_three_percent_over_the_tra
     assert found.u_kg[-1] == pytest.approx(found.mass_kg[-1] * math.sqrt(last @ covariance @ last), rel=1e-6)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("at_s", [0.0585, 0.06, 0.0615])
 def test_the_interval_of_a_steps_instant_is_the_one_that_new_fits_give_it(at_s):
     calibration = calibrated(shot(0, stepping(at_s, -0.05)))

@@ -136,12 +136,14 @@ def row_and_refit_kg(name: str, source: str) -> tuple[float, float]:
     return row.sensitivity * row.u_source, (up - down) / 2
 
 
+@pytest.mark.whole_way
 def test_every_row_that_counts_has_a_source_that_can_be_moved() -> None:
     estimate = calibration_of("mixed").estimate
     counting = {row.source for row in estimate.budget if row.u_kg > 0.02 * estimate.u_kg}
     assert counting <= moves_of("mixed").keys() | {RANDOM, RELEASE, START.name, GAS.name}
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     "source",
     [

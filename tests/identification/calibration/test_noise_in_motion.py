@@ -126,6 +126,7 @@ def test_white_noise_is_never_found_smaller_than_the_upper_half_of_the_band_tell
         assert noise.sizes_m_s2[0] >= noise.parts.least_m_s2 > 0.0
 
 
+@pytest.mark.whole_way
 def test_slow_noise_in_the_motion_is_found_to_be_slow_and_is_in_the_uncertainty() -> None:
     quiet = [found(seed) for seed in range(8)]
     travel_s = exact().interval_s[1] - exact().interval_s[0]

@@ -30,6 +30,7 @@ def net_force_and_acceleration(virtual: VirtualShot) -> tuple[np.ndarray, np.nda
     return net, of("recoil_acceleration"), acceleration.time_base.rate_hz
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("seed", [3, 4])
 @pytest.mark.parametrize("skew_s", [0.0, 1e-4])
 def test_the_accelerometer_is_as_much_later_than_the_net_force_as_the_recorder_made_it(seed, skew_s):
@@ -41,6 +42,7 @@ def test_the_accelerometer_is_as_much_later_than_the_net_force_as_the_recorder_m
     assert found.significant == (skew_s > 0)
 
 
+@pytest.mark.whole_way
 def test_a_skew_is_taken_out_together_with_the_clock_that_was_aligned_by_the_late_channel():
     sound, skewed = (identified("mixed", 3, **settings) for settings in ({}, LATE))
     assert sound.route.skew.corrected_s == 0.0
@@ -53,6 +55,7 @@ def test_a_skew_is_taken_out_together_with_the_clock_that_was_aligned_by_the_lat
     assert 0.0 < row.u_kg < 0.1
 
 
+@pytest.mark.whole_way
 def test_the_camera_beside_the_others_is_without_the_skew_that_its_clock_was_aligned_with():
     virtual = virtual_shot("mixed", 3, **LATE)
     compared = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(compare=True))
@@ -61,6 +64,7 @@ def test_the_camera_beside_the_others_is_without_the_skew_that_its_clock_was_ali
     assert not [note for note in compared.notes if "by the camera alone" in note]
 
 
+@pytest.mark.whole_way
 def test_a_cutoff_of_ones_own_that_is_high_leaves_the_skew_to_be_told():
     virtual = virtual_shot("field-2013", 3, sample_rate_hz=5e3)
     found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(cutoff_hz=0.35 * 5e3))

@@ -56,11 +56,13 @@ def found(regression: Regression, u_bias: float = U_BIAS) -> tuple[Regression, f
     return filtered, calibration.estimate.mass_kg, calibration.estimate.u_kg, shift
 
 
+@pytest.mark.whole_way
 def test_without_a_shift_none_is_demanded() -> None:
     demanded = sum(found(measured(seed))[3].demanded for seed in range(40))
     assert demanded <= 2
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("step", [-15.0, 25.0])
 def test_a_step_is_found_and_the_mass_is_right_all_the_same(step: float) -> None:
     for seed in range(5):
@@ -254,6 +256,7 @@ def test_a_shift_is_told_by_its_parts(shift: ZeroShift, sentence: str) -> None:
     assert str(shift) == sentence
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("step_m_s2", [8.0, -25.0])
 def test_with_a_camera_a_step_is_confirmed_and_costs_the_mass_nothing(step_m_s2: float) -> None:
     virtual, sound = virtual_shot("mixed"), identified("mixed").chosen.estimate
@@ -272,6 +275,7 @@ def test_with_a_camera_a_step_is_confirmed_and_costs_the_mass_nothing(step_m_s2:
     assert estimate.u_kg == pytest.approx(sound.u_kg, rel=0.02)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("kick_m_s", [0.2, -0.2])
 @pytest.mark.parametrize("anew", [False, True], ids=["clock known otherwise", "clock by the motion"])
 def test_a_false_velocity_at_the_release_makes_no_valid_mass_whatever_it_is_taken_for(kick_m_s: float, anew: bool):
@@ -281,6 +285,7 @@ def test_a_false_velocity_at_the_release_makes_no_valid_mass_whatever_it_is_take
         assert found.inertial.zero_shift.demanded
 
 
+@pytest.mark.whole_way
 def test_a_small_false_velocity_at_the_release_is_found_and_costs_the_mass_nothing() -> None:
     found = identified_with_a_kick(0.1, anew=False)
     shift, estimate = found.inertial.zero_shift, found.chosen.estimate

@@ -45,6 +45,7 @@ def test_the_names_of_a_summary_put_the_rows_about_changes_last():
     assert [one.name for one in summary.parameters].index(LN_MASS_DRIFT) == FIRST_OF_CHANGES
 
 
+@pytest.mark.whole_way
 def test_probabilities_of_sound_campaigns_are_those_of_chance():
     between, own = [], []
     for seed in range(12):
@@ -69,6 +70,7 @@ def test_what_a_shot_leaves_of_its_own_rows_is_their_square_where_no_mass_change
         assert one.probability == pytest.approx(chi2.sf(one.size, left.size), rel=1e-9)
 
 
+@pytest.mark.whole_way
 def test_a_shot_that_is_noisier_than_its_rows_say_weighs_less_and_is_no_contradiction():
     shots = sound(1)
     loud = noisy(shots, 2, 4.0)
@@ -84,6 +86,7 @@ def test_a_shot_that_is_noisier_than_its_rows_say_weighs_less_and_is_no_contradi
     assert found.mass.u_kg > before.mass.u_kg
 
 
+@pytest.mark.whole_way
 def test_a_shot_that_differs_from_the_others_is_named_with_the_mass_without_it():
     shots = list(sound(2))
     summary = shots[4].summary
@@ -101,6 +104,7 @@ def test_a_shot_that_differs_from_the_others_is_named_with_the_mass_without_it()
     assert found.agreement.apart[0].u_kg == pytest.approx(without.mass.u_kg, rel=0.1)
 
 
+@pytest.mark.whole_way
 def test_where_none_lies_apart_all_of_them_weigh_less_and_nothing_is_said_against_the_mass():
     quiet = campaign_of(2 * RING, seed=6, unread=1.0).shots
     found, before = combine([with_seen(shot, slice(0, FIRST_OF_CHANGES), 1.35) for shot in quiet]), combine(quiet)

@@ -61,6 +61,7 @@ def test_the_mass_is_that_of_the_mechanism_without_what_was_added() -> None:
     assert high - low == pytest.approx(2 * 1.96 * found.mass.u_kg, rel=1e-3)
 
 
+@pytest.mark.whole_way
 def test_an_added_mass_of_the_wrong_sign_is_the_first_reason() -> None:
     wrong = tuple(replace(one, added_mass_kg=-120.0) if one.name == "0002" else one for one in WEIGHED)
     found = combine(wrong)
@@ -71,6 +72,7 @@ def test_an_added_mass_of_the_wrong_sign_is_the_first_reason() -> None:
     assert not any("sign" in reason for reason in combine(WEIGHED).reasons)
 
 
+@pytest.mark.whole_way
 def test_any_order_of_shots_gives_the_same_digits() -> None:
     whole = json.dumps(answer(WEIGHED))
     for seed in range(3):
@@ -109,6 +111,7 @@ def test_what_the_campaign_learnt_of_a_sensor_is_never_less_than_was_known() -> 
         assert abs(one.value) < 4 * one.influence.u
 
 
+@pytest.mark.whole_way
 def test_a_step_that_nobody_declared_makes_the_mass_not_valid_and_a_drift_does_not() -> None:
     stepped = combine(campaign_of((0.0, 120.0) * 4, seed=4, step_kg={4: -6.0}).shots)
     assert not stepped.valid
@@ -132,6 +135,7 @@ def test_configurations_with_other_parts_have_masses_of_their_own_and_a_differen
     assert any("each has a mass of its own" in note for note in document["notes"])
 
 
+@pytest.mark.whole_way
 def test_certificates_that_all_shots_contradict_are_named() -> None:
     wrong = {(i, "ln brake_pressure"): 0.03 for i in range(8)}
     found = combine(campaign_of((0.0, 120.0) * 4, seed=4, moved=wrong).shots)
@@ -175,6 +179,7 @@ def test_what_stands_in_a_shot_where_its_rows_say_nothing_is_no_disagreement() -
     assert combine(loud).valid
 
 
+@pytest.mark.whole_way
 def test_shots_that_do_not_agree_are_said_to_even_if_no_column_explains_it() -> None:
     rng = np.random.default_rng(0)
     wild = {(i, f"ln {role}_pressure"): 0.03 * rng.standard_normal() for i in range(8) for role in ("breech", "brake")}
@@ -411,6 +416,7 @@ def test_a_weight_that_agrees_is_not_spoken_of() -> None:
     assert contradictions([learnt(*BREECH, 0.3)], [weighed(0.049987, 0.0, 0.1)]) == []
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("written_kg", [310.0, 311.0])
 def test_a_breech_gauge_that_reads_low_is_named_and_not_the_mass_that_was_weighed(written_kg: float) -> None:
     low = {(i, "ln breech_pressure"): -0.03 for i in range(4)}

@@ -66,6 +66,7 @@ def test_one_shot_that_lies_apart_is_named_with_its_sensor() -> None:
     assert "shot 0004 lies apart: its breech_pressure scale, sensor 1 is off by -0.9" in str(change)
 
 
+@pytest.mark.whole_way
 def test_two_changes_are_told_apart_and_the_mass_is_right() -> None:
     moved = {(i, "ln breech_pressure"): 0.01 * RAMP[i] for i in range(8)} | {(2, "ln brake_pressure"): -0.05}
     rows = rows_of(campaign_of(WEIGHED, seed=7, moved=moved))
@@ -75,6 +76,7 @@ def test_two_changes_are_told_apart_and_the_mass_is_right() -> None:
     assert abs(mass_kg - MASS_KG) < 2.5 * u_kg
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(("stated", "missing"), [(0.12, 119.88), (100.0, 20.0)])
 def test_a_weight_that_is_wrong_in_the_shot_log_is_noticed(stated: float, missing: float) -> None:
     from dataclasses import replace
@@ -86,6 +88,7 @@ def test_a_weight_that_is_wrong_in_the_shot_log_is_noticed(stated: float, missin
     assert change.size == pytest.approx(missing, rel=0.05)
 
 
+@pytest.mark.whole_way
 def test_a_weight_on_the_wrong_shots_is_noticed() -> None:
     from dataclasses import replace
 
@@ -135,6 +138,7 @@ def test_the_residual_of_a_shot_is_what_it_says_apart_from_all_others() -> None:
         assert normalised_residuals(fit)[shot] == pytest.approx(expected, rel=5e-3, abs=5e-3)
 
 
+@pytest.mark.whole_way
 def test_the_residuals_are_standard_normal() -> None:
     found = np.concatenate(
         [normalised_residuals(joint_fit(rows_of(campaign_of(WEIGHED, seed=s)))) for s in range(20, 32)]
@@ -147,6 +151,7 @@ def test_more_candidates_need_more_evidence() -> None:
     assert least_gain(6000) > least_gain(53) + 4
 
 
+@pytest.mark.whole_way
 def test_gains_that_scatter_raise_no_alarm() -> None:
     drawn = [campaign_of(WEIGHED, seed=seed, gain_rel=1e-3, friction_rel=0.05) for seed in range(40, 46)]
     assert sum(bool(changes_of(one)) for one in drawn) <= 1

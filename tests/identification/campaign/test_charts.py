@@ -140,6 +140,7 @@ def test_the_uncertainty_of_a_trend_is_how_far_it_scatters():
     assert np.mean([one.change for one in found]) == pytest.approx(0.3 * 19, abs=3 * scatter / math.sqrt(200))
 
 
+@pytest.mark.whole_way
 def test_a_trend_is_found_where_there_is_none_as_rarely_as_is_said():
     rng = np.random.default_rng(8)
     assert np.mean([trend(rng.standard_normal(12)).fired for _ in range(2000)]) == pytest.approx(0.005, abs=0.004)

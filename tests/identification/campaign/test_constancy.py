@@ -51,6 +51,7 @@ def test_the_bayes_factor_is_that_of_the_density_of_all_rows(changing: dict[str,
     assert found.step_explains_more == (steps > each[0])
 
 
+@pytest.mark.whole_way
 def test_changes_that_all_shots_have_are_found_with_their_sizes() -> None:
     drifts = [told(seed, 1.0, {"drift of ln mass": -0.015}) for seed in range(3)]
     assert all(not one.constant and not one.step_explains_more for one in drifts)
@@ -65,6 +66,7 @@ def test_changes_that_all_shots_have_are_found_with_their_sizes() -> None:
         assert one.step.size_percent == pytest.approx(0.5, abs=3 * one.step.u_percent)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("force", [0.0, 1.0, 3.5])
 def test_a_force_that_no_gauge_reads_is_no_changing_mass(force: float) -> None:
     found = [told(seed, force) for seed in range(4)]
@@ -74,6 +76,7 @@ def test_a_force_that_no_gauge_reads_is_no_changing_mass(force: float) -> None:
     assert sum(hidden) >= 3
 
 
+@pytest.mark.whole_way
 def test_a_change_is_a_reason_that_names_the_other_readings() -> None:
     found = combine(campaign_of(RING, seed=1, unread=1.0, changing={"drift of ln mass": -0.03}).shots)
     assert not found.valid
@@ -86,6 +89,7 @@ def test_without_a_word_of_changes_in_the_summaries_nothing_is_said_of_them() ->
     assert combine(campaign_of(RING, seed=1).shots).constancy is None
 
 
+@pytest.mark.whole_way
 def test_a_shot_in_which_alone_the_mass_changes_is_set_aside_and_the_others_are_one_mass() -> None:
     drawn = campaign_of(RING, seed=2, unread=1.0, changing={STEP: -0.03}, changing_in=(3,), told=(3,))
     found = combine(drawn.shots)
@@ -99,6 +103,7 @@ def test_a_shot_in_which_alone_the_mass_changes_is_set_aside_and_the_others_are_
     assert (found.mass.mass_kg, found.mass.u_kg) == (others.mass.mass_kg, others.mass.u_kg)
 
 
+@pytest.mark.whole_way
 def test_two_shots_that_change_each_in_its_own_way_are_both_set_aside() -> None:
     first = campaign_of(RING, seed=2, unread=1.0, changing={STEP: -0.03}, changing_in=(3,), told=(3, 6))
     second = campaign_of(RING, seed=2, unread=1.0, changing={"drift of ln mass": 0.05}, changing_in=(6,), told=(3, 6))
@@ -106,6 +111,7 @@ def test_two_shots_that_change_each_in_its_own_way_are_both_set_aside() -> None:
     assert [used.shot.name for used in combine(shots).shots if used.excluded is not None] == ["0004", "0007"]
 
 
+@pytest.mark.whole_way
 def test_what_each_shot_alone_calls_a_changing_mass_is_judged_by_all_together() -> None:
     every = tuple(range(8))
     changing = combine(campaign_of(RING, seed=1, unread=1.0, changing={"drift of ln mass": -0.03}, told=every).shots)
@@ -118,11 +124,13 @@ def test_what_each_shot_alone_calls_a_changing_mass_is_judged_by_all_together() 
     assert forced.constancy.constant
 
 
+@pytest.mark.whole_way
 def test_a_change_that_no_report_tells_of_sets_no_shot_aside() -> None:
     drawn = campaign_of(RING, seed=2, unread=1.0, changing={STEP: -0.03}, changing_in=(3,))
     assert all(used.excluded is None for used in combine(drawn.shots).shots)
 
 
+@pytest.mark.whole_way
 def test_what_is_left_in_a_coloured_way_in_every_shot_is_no_change_of_the_mass() -> None:
     drawn = campaign_of(RING, seed=1, unread=1.0, changing={"drift of ln mass": -0.03}).shots
     left = [replace(shot, summary=replace(shot.summary, unexplained_share=0.02)) for shot in drawn if shot.summary]

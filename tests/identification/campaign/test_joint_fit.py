@@ -144,6 +144,7 @@ def test_the_size_of_the_force_that_no_gauge_reads_is_integrated_over(force: flo
     assert fit.u(name) == pytest.approx(variance**0.5, rel=5e-3)
 
 
+@pytest.mark.whole_way
 def test_a_larger_force_is_believed_where_the_shots_show_it() -> None:
     small, large = (joint_fit(rows_of(campaign_of(ADDED, seed=9, unread=force).shots)) for force in (0.7, 4.0))
     sizes = [sum(force * weight for force, weight in fit.forces.items()) for fit in (small, large)]
@@ -196,6 +197,7 @@ def test_the_difference_of_two_mechanisms_is_surer_than_either() -> None:
     assert u < 0.2 * min(fit.mass_kg(name)[1] for name in ("before", "after"))
 
 
+@pytest.mark.whole_way
 @settings(max_examples=5, deadline=None)
 @given(st.permutations(range(6)))
 def test_the_order_of_a_summarys_parameters_changes_nothing(order: list[int]) -> None:

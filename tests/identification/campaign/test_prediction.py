@@ -137,6 +137,7 @@ def test_lengths_that_optics_bend_do_not_hang_on_the_mass() -> None:
     assert {round(size, 9) for name, size in moved.items() if name not in unmoved} == {0.5}
 
 
+@pytest.mark.whole_way
 def test_a_heavier_part_is_predicted_as_the_virtual_rig_moves_it() -> None:
     bare = NominalShot.of(782.0, 0.0, virtual())
     moved = NominalShot.of(782.0, 120.0, virtual(m3_true=902.0))
@@ -208,6 +209,7 @@ def test_what_could_be_done_is_listed_with_what_helps_most_first_and_only_what_t
             assert one.u_rel_campaign <= u_campaign * (1 + 1e-9), one
 
 
+@pytest.mark.whole_way
 def test_what_no_gauge_reads_is_worth_knowing() -> None:
     rig, plan = virtual_shot("field-2013", kind=False).rig, Plan(8, 120.0, 0.05)
     nominal = [NominalShot.of(782.0, 0.0, identified("field-2013", kind=False).summary).known_by(rig)]

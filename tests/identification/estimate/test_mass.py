@@ -128,6 +128,7 @@ def test_reverse_is_blind_to_noise_of_the_accelerometer_and_forward_is_attenuate
     assert abs(reverse) < 0.004
 
 
+@pytest.mark.exhaustive
 def test_the_random_uncertainty_is_the_scatter_of_the_mass():
     masses, u = [], []
     for seed in range(80):
@@ -205,6 +206,7 @@ def test_a_force_against_the_acceleration_is_no_mass(method):
     assert "polarities" in str(caught.value)
 
 
+@pytest.mark.exhaustive
 @given(shift_s=st.floats(-50.0, 50.0))
 @settings(max_examples=4, deadline=None)
 def test_the_mass_does_not_change_under_a_shift_of_time(shift_s):

@@ -42,6 +42,7 @@ def shots_of(added=ALTERNATING, **planted):
     )
 
 
+@pytest.mark.whole_way
 def test_a_calibration_that_does_not_cover_the_day_of_a_shot_stands_in_the_head():
     texts = ("role", "quantity", "unit", "signal", "clock", "recorder", "model", "serial", "certificate", "range", "u")
     dates = {**dict.fromkeys(texts), "calibrated": "2026-01-15", "due": "2026-03-01", "channel": "p"}
@@ -295,6 +296,7 @@ def test_groups_have_names(group, name):
     assert group_name(group) == name
 
 
+@pytest.mark.whole_way
 def test_the_page_of_a_thousand_shots_is_small_and_keeps_every_shot(tmp_path):
     shots = shots_of((0.0, 120.0) * 500)
     baseline = [replace(shots[0].baseline[0], channel=f"p{k}") for k in range(9)]

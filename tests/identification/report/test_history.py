@@ -46,6 +46,7 @@ def pairs() -> list[tuple[dict[str, Any], dict[str, Any]]]:
     return found
 
 
+@pytest.mark.whole_way
 def test_the_difference_of_two_campaigns_is_as_uncertain_as_it_scatters(
     pairs: list[tuple[dict[str, Any], dict[str, Any]]],
 ) -> None:

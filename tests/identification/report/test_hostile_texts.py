@@ -126,6 +126,7 @@ def test_a_page_shows_what_it_would_obey_as_it_is_spelled(kind: str) -> None:
     assert "{{7*7}}" in shown
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("kind", "made"), [("shot", report_pdf), ("target", target_pdf), ("campaign", campaign_pdf)]
 )  # fmt: skip

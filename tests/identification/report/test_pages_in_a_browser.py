@@ -437,6 +437,7 @@ def shut_in(written: dict[str, Path]) -> dict[str, Any]:
     return looked_at(pages, "shut", (1400, 390), scripts=True, sandbox="allow-scripts")
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("how", "width"), [*(("measured", width) for width in WIDTHS_PX), *(("dark", width) for width in DARK_PX)]
 )

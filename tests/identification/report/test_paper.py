@@ -107,6 +107,7 @@ def test_nothing_in_it_runs_or_leads_elsewhere_and_its_fonts_are_in_it(pdf):
     assert all({"/FontFile", "/FontFile2", "/FontFile3"} & set(one) for one in fonts)
 
 
+@pytest.mark.whole_way
 def test_the_report_is_embedded_byte_for_byte(pdf, pages, report, tmp_path):
     reader = read(pdf)
     assert list(reader.attachments) == ["report.json"]

@@ -217,6 +217,7 @@ def test_a_trace_of_other_rows_is_none(tmp_path, text, words):
         read_trace(tmp_path)
 
 
+@pytest.mark.whole_way
 def test_a_long_trace_takes_little_more_memory_than_its_numbers(tmp_path):
     rows = [f"{k * 1e-5:.9g},782.000000,1.500000,1" for k in range(50_000)]
     rows[7] = "7e-05,,,0"

@@ -211,6 +211,7 @@ def test_missing_script_is_a_store_error_with_its_remedy(tmp_path, monkeypatch, 
         render_page(a_report(), [], standalone=True)
 
 
+@pytest.mark.whole_way
 def test_neither_import_nor_rendering_loads_plotly_s_package_pandas_or_what_of_scipy_takes_long():
     code = (
         "import sys, recoil_identification.report.html as h; early = set(sys.modules); h.plotly_script();"
@@ -479,6 +480,7 @@ def decimate(x, y, buckets=4000):
     return x[chosen], y[chosen]
 
 
+@pytest.mark.whole_way
 @given(
     y=arrays(np.float64, st.integers(1, 600), elements=st.floats(-1e6, 1e6) | st.just(math.nan)),
     buckets=st.integers(4, 60),

@@ -137,6 +137,7 @@ def test_a_number_in_a_text_that_no_float_holds_is_another_one(number: str) -> N
     assert [one.key for one in found.differences] == ["reasons[0]"]
 
 
+@pytest.mark.whole_way
 def test_a_triangle_of_thousands_of_columns_is_compared_as_it_stands() -> None:
     # squared it would fill 80 GB
     other = changed("campaign", "R", to=[[0.0] * 100_000])

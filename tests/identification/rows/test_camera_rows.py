@@ -83,6 +83,7 @@ def test_derivatives_are_what_a_step_of_each_unknown_does(name):
         np.testing.assert_allclose((down - up) / (2 * step), derivative, rtol=1e-5, atol=1e-5 / step * 1e-3)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", RIGS)
 def test_what_the_motion_leaves_of_rows_and_frames_is_as_large_as_their_stated_errors(name):
     left, count = 0.0, 0
@@ -154,6 +155,7 @@ def test_where_nothing_tells_how_the_carriage_moves_the_frames_say_nothing():
     assert rows_with("field-2013", tracked("field-2013"), replace(sound, series=one_rate)) is not None
 
 
+@pytest.mark.exhaustive
 def test_without_the_carriages_accelerometers_a_shot_is_identified_without_its_camera_and_says_so():
     virtual = virtual_shot("field-2013")
     shot, rig = (one.without_channel("acc_carriage_x") for one in (virtual.shot, virtual.rig))

@@ -214,6 +214,7 @@ def rows_and_refits_of_frames_kg(name: str) -> dict[str, tuple[float, float]]:
     return pairs
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("pairs_of", [rows_and_refits_kg, rows_and_refits_of_frames_kg])
 @pytest.mark.parametrize("name", RIGS)
 def test_every_row_is_what_moving_its_source_and_estimating_anew_gives(name: str, pairs_of: Callable) -> None:
@@ -253,6 +254,7 @@ def unread(recorded: Regression, found: Identification) -> dict[str, np.ndarray]
     return made
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", RIGS)
 def test_a_row_of_what_no_gauge_reads_is_what_moving_it_and_estimating_anew_gives(name: str) -> None:
     virtual, found = virtual_shot(name, **UNREAD), identified(name, **UNREAD)
@@ -296,6 +298,7 @@ def without_causes(calibration: Calibration) -> CameraRows:
     return replace(camera, zeros_m=np.zeros((camera.times_s.size, 0)), sizes=())
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", RIGS)
 def test_causes_hardly_move_a_sound_shot_and_are_in_its_uncertainty(name: str) -> None:
     found = identified(name, gain_errors=False, u_zero_rel=MOVING)

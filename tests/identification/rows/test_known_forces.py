@@ -72,6 +72,7 @@ def known() -> Identification:
     return identify(projectile())
 
 
+@pytest.mark.exhaustive
 def test_an_impulse_that_agrees_makes_the_mass_surer_and_moves_it_little():
     before, after = identify().chosen.estimate, known().chosen.estimate
     assert after.u_kg < 0.97 * before.u_kg
@@ -150,6 +151,7 @@ def test_a_gauge_off_its_certificate_contradicts_what_is_declared_and_both_sides
     assert any("breech_pressure" in str(one) and "reads low" in str(one) for one in found.reasons)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("channel", "off"), [("p_brake", 1.03), ("p_recuperator", 0.97)])
 def test_a_known_load_tells_what_its_gauge_reads_wrong(channel, off):
     table = load(channel, 10.0, 0.01, 10.0 * off)
@@ -203,6 +205,7 @@ def breech_u(shots: int, table: str) -> float:
     return float(np.sqrt(np.linalg.inv(told)[place, place]))
 
 
+@pytest.mark.exhaustive
 def test_a_campaign_takes_the_muzzle_velocity_anew_in_each_shot_and_the_gas_once() -> None:
     """Of errors that all shots have alike many shots leave what one leaves; of own ones the root of their number."""
     impulse_share = CHARGE_KG * V0_M_S / impulse_n_s()

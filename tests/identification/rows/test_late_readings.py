@@ -69,6 +69,7 @@ def late_of(identification: Identification) -> LateReadings:
     return one
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("role", "size_pa"), [("breech_pressure", 250e3), ("brake_pressure", -16e3), ("recuperator_pressure", 6e3)]
 )

@@ -140,6 +140,7 @@ def test_a_likelihood_is_the_restricted_one_of_the_textbook_times_half_cauchy_pr
     np.testing.assert_allclose(ours - ours[0], written - written[0], rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("seed", "pair"), [(0, (0, 4)), (1, (1, 3)), (2, (2, 4)), (3, (0, 3)), (7, (0, 4))])
 def test_the_likeliest_sizes_are_those_of_a_grid_that_is_searched_whole(seed: int, pair: tuple[int, int]) -> None:
     left, rest, x, priors, added = small(seed)

@@ -198,6 +198,7 @@ def by_frames(noise_m: np.ndarray | float) -> Calibration:
     return calibration_of("camera", block, noise, common, own, travel, travel.correlation, ())
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("kind", KINDS)
 def test_noise_of_the_motion_is_found_in_the_frames_and_is_in_the_uncertainty(kind: str) -> None:
     sound = by_frames(0.0)

@@ -155,6 +155,7 @@ def test_a_sensitivity_that_is_wrong_beyond_its_uncertainty_is_named(name, facto
     assert any(re.match(f"{sensor} sensitivity and area contradicts .* reads {word}", r) for r in found.reasons)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(("name", "factor"), [("acc_recoil", 1.03), ("x_camera", 0.97)])
 def test_an_accelerometer_and_a_camera_that_disagree_are_named(name, factor):
     found = scaled(virtual_shot(), name, factor, align=True)
@@ -260,6 +261,7 @@ sensor = {{ u_rel = 0.01 }}
     assert note.startswith("no usable channel of role carriage_rate: ")
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("method", ["calibrated", "camera"])
 def test_what_a_carriages_missing_gyro_could_have_contributed_is_in_the_budget(method: str) -> None:
     virtual, options = virtual_shot("mixed"), Options(method=method)
@@ -272,6 +274,7 @@ def test_what_a_carriages_missing_gyro_could_have_contributed_is_in_the_budget(m
     assert 0.0 < row.u_kg < 0.1 * estimate.u_kg
 
 
+@pytest.mark.whole_way
 def test_the_frames_see_what_a_carriage_that_turns_with_the_tipping_part_would_make_of_the_travel() -> None:
     virtual = virtual_shot("mixed")
     tipping = np.array(virtual.shot.channels["gyro_tipping"].samples)
@@ -289,6 +292,7 @@ def test_the_frames_see_what_a_carriage_that_turns_with_the_tipping_part_would_m
     np.testing.assert_allclose(added_m, expected_m, atol=0.05 * np.abs(expected_m).max())
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("method", ["calibrated", "camera"])
 def test_without_the_gyro_of_the_tipping_part_no_mass_is_valid(method: str) -> None:
     virtual = virtual_shot("mixed")
@@ -340,6 +344,7 @@ def test_a_brake_whose_record_lies_elsewhere_is_no_number():
 # ---- parts
 
 
+@pytest.mark.whole_way
 def test_friction_of_zero_and_uncertainties_of_zero_divide_by_nothing():
     motion = bench_motion(friction=0.0)
     for u in (0.0, 150.0):
@@ -398,6 +403,7 @@ def test_options_that_make_no_sense_are_the_callers_mistake(options, message):
         Options(**options)
 
 
+@pytest.mark.whole_way
 def test_the_cutoff_by_the_spectra_is_lowered_for_the_slowest_force():
     virtual = virtual_shot("mixed")
     thin = virtual.shot.channels["p_brake"]

@@ -35,6 +35,7 @@ def test_the_force_of_the_breech_is_less_by_it() -> None:
     assert m.u_force_areas_rel[0] == pytest.approx(0.004 / 0.98)
 
 
+@pytest.mark.whole_way
 def test_what_it_takes_off_is_taken_off_the_mass() -> None:
     without, taken_off = (identified(share, 0.0).chosen.estimate.mass_kg for share in (0.0, 0.003))
     # the breech's phase is a part of what tells the mass
@@ -56,6 +57,7 @@ def test_shots_of_a_rig_share_it() -> None:
     assert influences["rig:field-2013:bore_friction"] == pytest.approx(U_SHARE)
 
 
+@pytest.mark.whole_way
 def test_the_virtual_rig_draws_it_and_the_mass_is_found_all_the_same() -> None:
     settings = {"bore_friction": SHARE, "u_bore_friction": U_SHARE}
     virtual = virtual_shot("field-2013", 3, mechanism=tuple(settings.items()))

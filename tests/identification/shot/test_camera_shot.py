@@ -49,6 +49,7 @@ def scaled(shot: Shot, rig: Rig, name: str, factor: float) -> Identification:
     return identify_shot(FiredShot(replace(other, alignments=align_clocks(FiredShot(other, rig))), rig), Options())
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", RIGS)
 def test_the_mass_is_found_within_its_uncertainty(name):
     found, truth = identified(name), tracked_shot(name).truth
@@ -117,6 +118,7 @@ def test_what_an_accelerometer_would_check_is_said_not_to_be_checked():
         _ = found.inertial
 
 
+@pytest.mark.whole_way
 def test_without_noise_and_errors_the_estimator_is_exact():
     virtual = tracked_shot(sample_rate_hz=50e3, **EXACT)
     true = virtual.truth["clocks"]["camera"]
@@ -127,6 +129,7 @@ def test_without_noise_and_errors_the_estimator_is_exact():
     assert found.mass_kg == pytest.approx(virtual.truth["m3"], rel=5e-4)
 
 
+@pytest.mark.whole_way
 def test_a_gauge_that_is_wrong_beyond_its_uncertainty_is_named():
     virtual = tracked_shot()
     found = scaled(virtual.shot, virtual.rig, "p_brake", 0.95)
@@ -136,6 +139,7 @@ def test_a_gauge_that_is_wrong_beyond_its_uncertainty_is_named():
     )
 
 
+@pytest.mark.whole_way
 def test_a_track_with_many_lost_frames_still_gives_a_mass():
     found = identified(camera_lost=300)
     assert abs(found.chosen.estimate.mass_kg - 782) < 3 * found.chosen.estimate.u_kg
@@ -145,6 +149,7 @@ def test_a_track_with_many_lost_frames_still_gives_a_mass():
 # ---- which default, and what is refused
 
 
+@pytest.mark.whole_way
 def test_with_an_accelerometer_the_default_stays():
     virtual = virtual_shot()
     found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
@@ -155,6 +160,7 @@ def test_with_an_accelerometer_the_default_stays():
     assert not any(row.source.startswith("recoil_acceleration") for row in asked.chosen.estimate.budget)
 
 
+@pytest.mark.whole_way
 def test_an_accelerometer_that_recorded_nothing_does_not_count():
     virtual = virtual_shot()
     silent = np.full(virtual.shot.channels["acc_recoil"].samples.shape, np.nan)
@@ -191,6 +197,7 @@ def test_a_camera_that_could_not_be_aligned_is_refused():
         identify_shot(FiredShot(replace(virtual.shot, alignments=tuple(failed)), virtual.rig), Options())
 
 
+@pytest.mark.whole_way
 def test_a_clock_that_track_and_forces_contradict_is_a_reason():
     virtual = tracked_shot()
     (clock,) = virtual.shot.alignments

@@ -24,6 +24,7 @@ def found(name: str, soft: bool, accelerometer: bool, stands: str = "ground") ->
 
 
 # each pair of the three together once
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("name", "soft", "accelerometer"),
     [("field-2013", True, True), ("field-2013", False, False), ("mixed", False, True), ("mixed", True, False)],
@@ -41,6 +42,7 @@ def test_the_mass_is_valid_and_the_one_that_a_camera_on_the_tipping_part_tells(n
     assert abs(own.mass_kg - truth_kg) < 2.58 * own.u_kg
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("accelerometer", [True, False])
 def test_the_travel_of_the_report_is_that_along_the_bore(accelerometer):
     """The carriage moves the camera's travel by centimetres; the stroke is known to the camera's scale."""
@@ -69,6 +71,7 @@ def test_it_needs_a_gyro_and_no_accelerometers_on_the_carriage():
     assert carriage_lacks(still, virtual.rig) == ["carriage_rate or tipping_rate"]
 
 
+@pytest.mark.whole_way
 def test_without_the_carriages_accelerometers_the_frames_still_count():
     virtual, whole = found("field-2013", False, True)
     shot = without_channels(virtual.shot, "acc_carriage_x", "acc_carriage_y")

@@ -71,6 +71,7 @@ def test_what_is_no_acceleration_is_differentiated(role: str) -> None:
     assert ErrorSource(SourceKind.SENSITIVITY, role) in {row.source for row in mass.budget}
 
 
+@pytest.mark.whole_way
 def test_a_rest_before_the_motion_tells_the_zero_of_the_accelerometer() -> None:
     body = replace(BODY, rest_s=0.5)
     read = body.readings()

@@ -22,6 +22,7 @@ from tests.builders.virtual_shots import virtual_shot
 SLOW = {"sample_rate_hz": 1000.0, "duration_s": 0.42}
 
 
+@pytest.mark.whole_way
 def test_a_comparison_leaves_out_what_the_rate_does_not_allow_and_says_why():
     virtual = virtual_shot("mixed", **SLOW)
     found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(compare=True))
@@ -31,6 +32,7 @@ def test_a_comparison_leaves_out_what_the_rate_does_not_allow_and_says_why():
     assert note == "no estimate by weak: averages over 2.8 ms need more than 1429 samples/s; found 1000 samples/s"
 
 
+@pytest.mark.whole_way
 def test_every_method_memory_and_cutoff_gives_a_mass_or_a_line():
     virtual = virtual_shot(**SLOW)
     asked = [Options(method=method) for method in (*METHODS, *CAMERA_METHODS, *FURTHER)]
@@ -64,6 +66,7 @@ def averaged(rate_hz: float) -> FiredShot:
     return FiredShot(replace(virtual.shot, channels=channels, alignments=()), virtual.rig)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("rate_hz", [500.0, 250.0, 160.0])
 def test_at_500_hz_and_below_there_is_a_mass_which_is_not_valid_where_hardly_a_sample_shows_the_force(rate_hz):
     fired = averaged(rate_hz)

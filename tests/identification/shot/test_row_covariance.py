@@ -39,6 +39,7 @@ def left(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Residuals]:
     }
 
 
+@pytest.mark.whole_way
 def test_every_kind_of_row_is_as_uncertain_as_it_says(left: Mapping[str, Residuals]):
     assert {"motion", "frames", "late readings", "summary, drift of ln mass", "summary, unread share"} <= left.keys()
     for kind, one in left.items():

@@ -143,6 +143,7 @@ def twice_integrated(acceleration: np.ndarray, step_s: float) -> tuple[np.ndarra
     return np.concatenate([[0.0], np.cumsum(speed[:-1] * step_s + (2 * first + second) / 6 * step_s**2)]), speed
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("kind", [True, False], ids=["all is read", "not all is read"])
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name: str, kind: bool) -> None:

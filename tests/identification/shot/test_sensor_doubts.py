@@ -162,6 +162,7 @@ def test_a_breech_gauge_within_the_limit_is_named_with_the_share_that_is_beyond_
 OFF = {"brake_pressure": (1.09, "high"), "recuperator_pressure": (1.12, "high"), "breech_pressure": (0.95, "low")}
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("role", OFF)
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_a_gauge_of_a_whole_shot_that_is_off_is_named_first(name: str, role: str) -> None:

@@ -328,6 +328,7 @@ def test_a_shot_without_a_fault_has_no_complaint():
     assert clean() == frozenset()
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("one", FAULTS, ids=lambda f: f"{f.make.__name__}-{f.check}")
 def test_a_fault_is_found_by_its_own_check_and_by_no_other_without_reason(one):
     found = checks_with(one)

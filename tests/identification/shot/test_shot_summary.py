@@ -32,6 +32,7 @@ def by_the_camera(name: str, kind: bool = True) -> Identification:
     return identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method="camera"))
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("of", [identified, by_the_camera])
 @pytest.mark.parametrize(("name", "kind"), [("field-2013", False), ("mixed", True)])
 def test_the_summary_with_the_certificates_is_the_shot(
@@ -58,6 +59,7 @@ def test_the_summary_with_the_certificates_is_the_shot(
     )
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("of", [identified, by_the_camera])
 def test_a_common_factor_of_mass_and_forces_changes_no_row(of: Callable[[str], Identification]) -> None:
     summary = of("mixed").summary
@@ -102,6 +104,7 @@ def test_what_no_gauge_reads_is_one_rigs_and_changes_of_the_mass_are_nobodys() -
     assert by_name.keys() - read == {"unread share", *shapes}
 
 
+@pytest.mark.whole_way
 def test_what_a_rig_states_of_its_breech_chain_is_the_gauges_and_the_rigs() -> None:
     chain = (("u_muzzle_brake", 0.05), ("projectile_mass", 15.0), ("bore_length", 2.0), ("tube_axial_hz", 900.0))
     virtual = virtual_shot("field-2013", mechanism=chain)
@@ -175,6 +178,7 @@ def test_of_several_gauges_each_is_a_sensor_of_its_own_and_a_standard_is_the_rig
     assert part_of_scale(ErrorSource(SourceKind.STANDARD, "dead weights")).scope == "rig"
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("method", ["calibrated", "reverse", "camera", "weak"])
 def test_every_source_that_is_of_a_sensor_tells_which(method: Method) -> None:
     virtual = virtual_shot("mixed")

@@ -17,6 +17,7 @@ def case(request) -> tuple[Identification, float, float, float]:
     return identified(request.param, 3, **RELEASED), truth["m3"], truth["m3_after"], truth["t_release"]
 
 
+@pytest.mark.whole_way
 def test_the_trace_has_the_old_mass_before_and_the_new_one_from_a_window_after_on(case):
     found, before, after, instant_s = case
     trace = found.chosen.trace

@@ -141,6 +141,7 @@ def test_a_noisy_carriage_sensor_speaks_against_its_shots_mass_but_not_against_i
     assert against_this_shot(reasons, virtual.rig) == reasons[1:]
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_the_papers_regression_is_not_valid_where_the_report_calls_it_biased(name: str) -> None:
     virtual = virtual_shot(name)

@@ -27,6 +27,7 @@ def found(target: str, seed: int) -> Finding:
     return target_function(target)(case(seed)[1])
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("seed", UNKIND)
 @pytest.mark.parametrize("target", ["resistance", "inertia-force", "parameters", "breech-force"])
 def test_a_shot_with_a_sound_mass_has_sound_targets(target: str, seed: int) -> None:

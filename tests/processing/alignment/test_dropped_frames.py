@@ -57,6 +57,7 @@ def test_a_missing_frame_is_located(since_onset_s, lost_share):
     assert fault.time_s == pytest.approx(fault.index / RATE_HZ, abs=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_the_stated_range_holds_the_true_frame():
     held = []
     for seed in range(6):
@@ -121,6 +122,7 @@ def test_a_frame_that_is_missing_at_rest_is_another_offset_and_no_fault(since_on
     assert fit.corrected is None
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("jump_m", [0.5e-3, -1.4e-3, 23.6e-3])
 def test_a_jump_of_the_track_is_no_missing_frame(jump_m):
     motion = recorded(7)

@@ -73,6 +73,7 @@ def rms(values: list[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "conditions",
     [
@@ -109,6 +110,7 @@ def bent(motion: RecordedMotion, bow_m: float, s_m: float) -> RecordedMotion:
     return replace(motion, displacement_m=motion.displacement_m + bow_m * bow + s_m * 2.6 * bow * (1.0 - 2.0 * share))
 
 
+@pytest.mark.exhaustive
 def test_what_optics_bend_is_no_other_frame_rate_where_it_is_known_that_they_may():
     pulls, without = [], []
     for seed in SEEDS:
@@ -227,6 +229,7 @@ def fit_of_the_sixth() -> MotionFit:
     return fit_of(record_motion(6))
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=10)
 @given(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5))
 def test_where_the_clocks_have_their_zeros_changes_nothing(camera_zero, reference_zero):
@@ -293,6 +296,7 @@ def test_a_zero_that_was_never_taken_off_costs_the_offset_nothing_but_is_told(bi
     assert any("take its zero from the time before the shot" in reason for reason in verdict.reasons)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("bias_m_s2", [-100.0, 100.0])
 def test_a_zero_so_far_off_that_it_hides_the_motion_fails(bias_m_s2):
     motion = record_motion(5, bias_m_s2=bias_m_s2)
@@ -313,6 +317,7 @@ def test_gain_and_bias_are_as_uncertain_and_as_alike_as_a_regression_on_the_true
     assert fit.gain_bias_correlation == pytest.approx(covariance[0, 3] / (u[0] * u[3]), rel=0.02)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("sigmas", "moves"), [(19.0, False), (21.0, True)])
 def test_a_marker_must_move_by_twenty_times_its_noise(sigmas, moves):
     motion = record_motion(20)
@@ -398,6 +403,7 @@ def test_a_dropped_frame_with_uncorrected_times_shows_in_the_residuals():
     assert verdict_on(dropped, fit).status in ("ambiguous", "failed")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("factor", [0.5, 0.99, 1.01, 2.0])
 def test_a_wrong_frame_rate_is_noticed(factor):
     motion = record_motion(11)
@@ -408,6 +414,7 @@ def test_a_wrong_frame_rate_is_noticed(factor):
         assert "check the frame rate" in "".join(verdict.reasons)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "pulses",
     [

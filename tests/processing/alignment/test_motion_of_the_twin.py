@@ -34,6 +34,7 @@ def shot() -> TrackedShot:
     return track_shot(SEEDS[0])
 
 
+@pytest.mark.exhaustive
 def test_errors_are_a_few_microseconds_and_what_the_uncertainty_says():
     errors, pulls = [], []
     for seed in SEEDS:
@@ -55,6 +56,7 @@ def test_a_third_of_the_frames_lost_does_no_harm(shot):
     assert abs(thinned.error_s(fit.offset_s, fit.drift)) < 3 * fit.u_offset_s
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("step_m_s2", "late_s"), [(-25.0, 0.0), (50.0, 0.5e-3)])
 def test_a_zero_that_shifts_at_the_shot_is_found_and_does_no_harm(step_m_s2, late_s):
     for seed in SEEDS[:2]:
@@ -101,6 +103,7 @@ ADVERSARIES = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("adversary", ADVERSARIES.values(), ids=ADVERSARIES.keys())
 def test_a_track_that_is_not_this_motion_is_never_ok(shot, adversary):
     verdict = verdict_on(adversary(shot))
@@ -118,6 +121,7 @@ def test_a_shot_without_motion_is_never_ok(shot, sensor):
     assert verdict_on(still).status == "failed"
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("own", "other"), [(301, 302), (302, 303), (303, 301)])
 def test_a_track_of_another_shot_is_never_ok_where_travel_or_shape_differ(own, other):
     shot, foreign = track_shot(own), track_shot(other)
@@ -125,6 +129,7 @@ def test_a_track_of_another_shot_is_never_ok_where_travel_or_shape_differ(own, o
     assert verdict.status in ("ambiguous", "failed")
 
 
+@pytest.mark.exhaustive
 def test_a_missing_frame_is_said_and_located_and_its_correction_gives_the_offset(shot):
     at = shot.frame_at(0.12)
     faulty = shot.without_frame(at)
@@ -138,6 +143,7 @@ def test_a_missing_frame_is_said_and_located_and_its_correction_gives_the_offset
     assert abs(shot.error_s(fit.corrected.offset_s, fit.corrected.drift)) < 3 * fit.corrected.u_offset_s
 
 
+@pytest.mark.exhaustive
 def test_a_repeated_picture_is_said_and_located(shot):
     at = shot.frame_at(0.12)
     verdict = verdict_on(shot.with_repeated_frame(at))

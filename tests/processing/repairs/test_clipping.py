@@ -41,6 +41,7 @@ def test_a_record_within_its_range_comes_back_bit_for_bit(seed):
     assert not found.u.any()
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=5)
 @given(st.integers(0, 2**32 - 1), st.floats(0.6, 0.98))
 def test_only_flagged_samples_are_touched_and_none_lies_inside_its_clip_level(seed, share):
@@ -274,6 +275,7 @@ def test_what_lies_beyond_more_unknown_samples_than_the_model_has_coefficients_h
     assert (repaired_tip(other[::step], number) != repaired_tip(samples[::step], number)) is has_a_say
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("lost", "refused"), [(250, False), (251, True)])
 def test_a_piece_with_more_than_250_unknown_samples_is_not_estimated(lost, refused):
     samples = np.minimum(np.tile(pulse()[180:420], 6), 1.0)

@@ -93,6 +93,7 @@ def test_what_was_levelled_last_is_remembered_with_the_channel_and_all_that_it_w
         assert level_samples(*other) is not before
 
 
+@pytest.mark.exhaustive
 def test_hum_is_taken_off_listed_and_a_row_of_the_budget():
     sound = identified("field-2013", 3)
     found = identified("field-2013", 3, hum=0.01)

@@ -127,6 +127,7 @@ def test_without_a_camera_or_its_clock_it_is_the_accelerometers_integral():
         assert np.array_equal(found[0], integrate(velocity, signals.step_s))
 
 
+@pytest.mark.exhaustive
 def test_the_mass_by_the_camera_is_as_good_on_a_slow_recorder():
     masses = []
     for rate_hz in (2.5e3, 25e3):

@@ -36,6 +36,7 @@ def document_in(folder: Path) -> dict[str, Any]:
     return dict(json.loads((folder / "campaign.json").read_text()))
 
 
+@pytest.mark.indispensable("campaign")
 def test_the_answer_is_the_mass_without_what_was_added(fired: FiredCampaign, answered: Path) -> None:
     document = document_in(answered)
     assert document["schema"] == "recoil-daq/campaign/1"
@@ -59,6 +60,7 @@ def test_reports_alone_give_the_same_mass_and_no_shot_is_identified_again(
     assert not (tmp_path / "again" / "reports").exists()
 
 
+@pytest.mark.whole_way
 def test_an_answer_is_not_overwritten_unless_asked_and_keeps_its_cutoff(
     run, fired: FiredCampaign, answered: Path, tmp_path
 ) -> None:
@@ -73,6 +75,7 @@ def test_an_answer_is_not_overwritten_unless_asked_and_keeps_its_cutoff(
     assert (out / "campaign.json").read_bytes() == before
 
 
+@pytest.mark.whole_way
 def test_what_the_log_says_now_counts_and_not_what_it_said(run, reports: Path, tmp_path) -> None:
     log = tmp_path / "log.csv"
     log.write_text("shot;added_mass_kg;exclude;configuration\n0001;0;wet powder;\n0002;120,5;;\n0003;;;\n0009;;;\n")
@@ -89,6 +92,7 @@ def test_what_the_log_says_now_counts_and_not_what_it_said(run, reports: Path, t
     assert abs(signal["size"] - 120.0) < 4 * signal["u"]
 
 
+@pytest.mark.whole_way
 def test_a_report_of_another_shot_file_is_not_taken(
     fired: FiredCampaign, answered: Path, reports: Path, tmp_path
 ) -> None:
@@ -154,6 +158,7 @@ def test_frames_and_figures_are_at_hand_in_python(reports: Path, tmp_path) -> No
     assert "from 4 of 4 shots" in str(done)
 
 
+@pytest.mark.whole_way
 def test_a_campaign_is_demonstrated_beside_the_truth(run, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("recoil_daq.demo.CAMPAIGN_DEMO_SHOTS", 2)
     # the bundled rig in shorter records
@@ -181,6 +186,7 @@ def test_a_campaign_is_demonstrated_beside_the_truth(run, tmp_path, monkeypatch:
     assert not (tmp_path / "campaign").exists()
 
 
+@pytest.mark.whole_way
 def test_a_folder_that_no_demonstration_made_is_not_removed(run, stored: Path, tmp_path: Path) -> None:
     (tmp_path / "live").mkdir()
     shot = Path(shutil.copy(stored, tmp_path / "live" / "0001.h5"))

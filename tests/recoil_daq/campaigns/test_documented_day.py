@@ -10,6 +10,7 @@ from recoil_daq.recording.simulate import first_seed
 from tests.builders.documented_days import KINDS, README_SEEDS, Day, days, live
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(("rig", "kind", "seed"), [("field-2013", "120 kg", README_SEEDS[0])])
 def test_it_is_valid_holds_the_truth_and_says_nothing_that_is_not_so(tmp_path: Path, rig: str, kind: str, seed: int):
     lived = live(Day(rig, kind, seed, shorter=True), tmp_path)

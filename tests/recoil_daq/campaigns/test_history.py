@@ -53,6 +53,7 @@ def remarks(document: dict[str, Any]) -> list[str | None]:
     return [one["remark"] for one in document["history"]["campaigns"]]
 
 
+@pytest.mark.indispensable("history")
 def test_earlier_campaigns_stand_beside_the_mass_in_the_order_of_firing(season: Path, tmp_path: Path, run: Run) -> None:
     out = tmp_path / "now"
     result = run("campaign", season / "autumn", "--history", season / "past", "--out", out)
@@ -73,6 +74,7 @@ def test_earlier_campaigns_stand_beside_the_mass_in_the_order_of_firing(season: 
     assert sources.count("earlier campaign") == 2
 
 
+@pytest.mark.whole_way
 def test_its_numbers_come_again(season: Path, tmp_path: Path) -> None:
     done = campaign(season / "autumn", out=tmp_path / "now", history=season / "past")
     assert check_reports(done.folder, shots=season / "autumn").again
@@ -117,6 +119,7 @@ def test_what_cannot_be_compared_is_shown_with_its_reason(season: Path, tmp_path
     assert "changed after it was written" in second
 
 
+@pytest.mark.whole_way
 def test_a_campaign_with_the_same_shots_and_the_answer_that_is_replaced_are_no_earlier_ones(
     season: Path, tmp_path: Path
 ) -> None:

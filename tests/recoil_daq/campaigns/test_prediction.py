@@ -83,6 +83,7 @@ def u_rel_of(done: Predicted, shots: int, added_kg: float) -> float:
     return float(u_rel)
 
 
+@pytest.mark.indispensable("predict")
 def test_a_prediction_has_what_is_promised_of_it() -> None:
     document = expected().to_json()
     assert document["schema"] == "recoil-daq/predict/1"
@@ -106,6 +107,7 @@ def test_what_is_printed_ends_with_what_to_expect() -> None:
     assert "p_breech calibrated twice as well: 0.25 %" in str(expected())
 
 
+@pytest.mark.whole_way
 def test_a_campaign_states_what_was_predicted_of_it() -> None:
     fired, answer = ring_campaign().fired, ring_campaign().answer
     mass = json.loads((answer / "campaign.json").read_text(encoding="utf-8"))["mass"]
@@ -120,6 +122,7 @@ def test_a_campaign_states_what_was_predicted_of_it() -> None:
     assert by_heavier.document["mass_kg"] == pytest.approx(782, rel=0.02)
 
 
+@pytest.mark.whole_way
 def test_options_and_python_predict_the_same_of_a_recorded_shot(run: Run, stored: Path) -> None:
     words = ("--from", stored, "--shots", "6", "--added-mass", "60", "--u-added-mass", "0.1", "--repeatability", "5e-4")
     result = run("predict", "field-2013", *words, "--with", "p_breech.u_rel=0.002", "--with", "u_friction=75", "--json")
@@ -184,6 +187,7 @@ def test_what_nobody_expects_of_shots_to_come_is_refused() -> None:
         predict(rig, plan=CampaignPlan(added_mass_kg=120e3))
 
 
+@pytest.mark.whole_way
 def test_weaker_charges_tell_less() -> None:
     done = predict(shorter(), shots=4, plan=CampaignPlan(charges=(0.65, 1.0)))
     assert done.u_rel > 1.1 * expected().u_rel
@@ -191,6 +195,7 @@ def test_weaker_charges_tell_less() -> None:
     assert "charges 0.65, 1" in str(done)
 
 
+@pytest.mark.whole_way
 def test_a_rig_of_which_nothing_says_how_it_moves_needs_a_shot(run: Run, stored: Path, tmp_path: Path) -> None:
     head, _, _ = load_rig("field-2013").text.partition("[twin]\n")
     path = tmp_path / "rig.toml"
@@ -222,6 +227,7 @@ def test_a_virtual_rig_that_cannot_move_is_refused_and_leaves_nothing() -> None:
         predict(with_twin("field-2013", orifice_m2=-1.0))
 
 
+@pytest.mark.whole_way
 def test_every_line_of_what_could_be_done_can_be_done_and_keeps_its_promise(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

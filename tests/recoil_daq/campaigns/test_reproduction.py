@@ -40,6 +40,7 @@ def done(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("planted", CAMPAIGNS, ids=lambda one: f"seed {one['seed']}")
 def test_each_of_ten_campaigns_comes_again_to_the_last_bit(tmp_path: Path, planted: dict[str, Any]) -> None:
     write_reports(tmp_path / "reports", campaign_of(ALTERNATING, **planted).shots)
@@ -70,6 +71,7 @@ def test_the_shots_identity_the_header_and_the_conformity_are_in_the_answer(done
     assert check_reports(done / "campaign", workers=1).again
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", ["campaign.json", "campaign.csv"])
 def test_a_changed_digit_gives_exit_code_1(done: Path, run: Callable[..., Any], name: str) -> None:
     assert run("explain", done / "campaign", "--check", "--workers", 1).exit_code == 0
@@ -86,6 +88,7 @@ def test_a_changed_digit_gives_exit_code_1(done: Path, run: Callable[..., Any], 
     assert row["differing"] >= 1
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", ["campaign.html", "campaign.pdf", "plotly.min.js", "campaign.csv"])
 def test_a_changed_byte_of_what_is_beside_an_answer_is_one_line(tmp_path: Path, name: str) -> None:
     write_reports(tmp_path / "reports", campaign_of(ALTERNATING, seed=4).shots)
@@ -127,6 +130,7 @@ def test_a_folder_that_holds_a_campaign_has_it_checked_too(done: Path) -> None:
     assert [one.report.name for one in checked.reports if not one.fault] == ["campaign.json"]
 
 
+@pytest.mark.whole_way
 def test_the_numbers_of_an_answer_and_of_its_budget_are_explained(done: Path, run: Callable[..., Any]) -> None:
     told = explain(done / "campaign")
     assert told.again
@@ -159,6 +163,7 @@ def test_something_else_in_the_place_of_a_value_is_no_exception(
     assert result.exit_code in (1, 3)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("place", [".", "shots", "campaign"])
 def test_a_campaign_finds_its_shot_log_beside_it(tmp_path: Path, place: str) -> None:
     shots = campaign_of(ALTERNATING, seed=4).shots

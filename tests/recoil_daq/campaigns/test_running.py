@@ -45,6 +45,7 @@ def test_it_is_the_campaign_of_the_shots_and_says_what_more_of_them_would_give(d
     assert not (day / "campaign" / "reports").exists()  # all were found with its cut-off
 
 
+@pytest.mark.whole_way
 def test_shots_that_were_identified_each_by_itself_are_brought_to_one_cutoff_once(day: Path) -> None:
     fired = ring_campaign().fired
     one, other = fired.files[:2]
@@ -72,6 +73,7 @@ def test_a_shot_that_is_excluded_leaves_none_to_combine(day: Path) -> None:
     assert running_campaign((day, (one, other))) is None
 
 
+@pytest.mark.whole_way
 def test_a_report_of_thinned_channels_is_taken_by_no_campaign(stored: Path, tmp_path: Path) -> None:
     folder = identify_file(stored, out=tmp_path, options=Options(thin=True)).folder
     report = CampaignReport.read(folder / REPORT_FILE)

@@ -65,6 +65,7 @@ def undisturbed() -> dict[str, bytes]:
     return written(ring_campaign().answer)
 
 
+@pytest.mark.whole_way
 def test_a_run_that_was_killed_is_taken_up_again(
     run, shots: Path, undisturbed: dict[str, bytes], tmp_path: Path
 ) -> None:
@@ -113,6 +114,7 @@ def scheduler(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes
         yield address, workers
 
 
+@pytest.mark.whole_way
 def test_machines_of_a_cluster_give_the_same_bytes_though_one_is_lost(
     shots: Path, undisturbed: dict[str, bytes], tmp_path: Path, scheduler: tuple[str, list[subprocess.Popen[bytes]]]
 ) -> None:

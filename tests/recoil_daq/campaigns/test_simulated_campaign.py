@@ -37,6 +37,7 @@ PLAN = CampaignPlan(
 )
 
 
+@pytest.mark.whole_way
 def test_options_and_python_fire_the_same_campaign_and_its_log_has_what_those_who_fire_know(
     run, tmp_path: Path
 ) -> None:
@@ -65,6 +66,7 @@ def test_options_and_python_fire_the_same_campaign_and_its_log_has_what_those_wh
     assert [shot.truth["m3"] for shot in done.shots] == pytest.approx([782.0, 782.0 + 1.5 + 120.0 + off_kg, 779.5])
 
 
+@pytest.mark.whole_way
 def test_an_exactly_known_added_mass_is_stated_as_such_and_shots_without_a_campaign_have_no_log(tmp_path: Path) -> None:
     exact = CampaignPlan(added_mass_kg=60.0, u_added_mass_kg=0.0)
     rig = with_twin("field-2013", **QUICK)

@@ -37,6 +37,7 @@ def check_draft(files: list[Path], databases: list[Path], out: Path) -> bool:
     return True
 
 
+@pytest.mark.whole_way
 def test_every_file_of_other_makers_is_drafted_or_refused_in_one_line(tmp_path: Path) -> None:
     root = shared_file("README.md").parent
     drafted = 0
@@ -49,6 +50,7 @@ def test_every_file_of_other_makers_is_drafted_or_refused_in_one_line(tmp_path: 
     assert drafted > 60
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("folder", ["can/rig_shot", "containers", "dewetron", "famos", "reports", "serial", "tracks"])
 def test_files_of_a_folder_together_are_drafted_and_the_unread_named(folder: str, tmp_path: Path) -> None:
     root = shared_file("README.md").parent / folder
@@ -58,6 +60,7 @@ def test_files_of_a_folder_together_are_drafted_and_the_unread_named(folder: str
     assert check_draft(files, [], tmp_path / "rig.toml") == (folder != "famos")
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     "name",
     ["dewetron/simple.dmd", "containers/raw1.tdms", "can/rig_shot/rig_shot.blf", "shots/plain/dewetron.csv",

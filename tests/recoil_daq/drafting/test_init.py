@@ -55,6 +55,7 @@ def test_nothing_is_overwritten(run, recorded: list[Path], tmp_path: Path) -> No
     assert [one.name for one in tmp_path.iterdir() if ".partial" in one.name] == []
 
 
+@pytest.mark.whole_way
 def test_a_shot_file_among_recorded_ones_is_left_out_with_the_command_that_takes_it(
     run, recorded: list[Path], tmp_path: Path
 ) -> None:
@@ -184,6 +185,7 @@ def test_without_certificates_nothing_of_a_sensor_is_invented(recorded: list[Pat
         assert {"serial", "u_rel"} <= row["sensor"].keys()
 
 
+@pytest.mark.whole_way
 def test_an_overdue_certificate_is_a_fault_of_check(run, mixed_shot: TwinShot, tmp_path: Path) -> None:
     fields = {"gyro_carriage": "f32_at_8", "gyro_tipping": "f32_at_12", "acc_x": "f32_at_16"}
     table = write_certificates("mixed", tmp_path, fields)
@@ -295,6 +297,7 @@ def test_an_unfinished_draft_goes_on(recorded: list[Path], tmp_path: Path) -> No
     assert channel(second.draft.text(), "AI 7/p_brake")["sensor"]["u_rel"] == 0.004
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("name", "framing"),
     [
@@ -313,6 +316,7 @@ def test_bytes_of_a_port_get_the_framing_that_fits_them(name: str, framing: dict
     assert asked <= {"rate_hz", "fields"}
 
 
+@pytest.mark.whole_way
 def test_a_twin_that_is_mounted_the_other_way_round_is_turned(mixed_shot: TwinShot, tmp_path: Path) -> None:
     head, *rows = recorder_of(mixed_shot).read_text(encoding="utf-8").splitlines()
     at = next(k for k, cell in enumerate(head.split(",")) if "acc_carriage_x" in cell)
@@ -401,6 +405,7 @@ def test_a_bundled_rig_is_not_changed_by_a_draft(recorded: list[Path]) -> None:
     assert find_rig("field-2013").read_bytes() == before
 
 
+@pytest.mark.whole_way
 def test_the_repeat_of_a_bus_is_its_clock(mixed_shot: TwinShot, tmp_path: Path) -> None:
     text = mixed_shot.rig_file.read_text(encoding="utf-8")
     assert 'against = "acc_recoil"' in text

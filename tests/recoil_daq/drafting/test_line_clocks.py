@@ -44,6 +44,7 @@ def assert_open_alone(text: str, path: Path) -> None:
     assert {fault.code for fault in refused.value.faults} == {FaultCode.OPEN}
 
 
+@pytest.mark.whole_way
 def test_pulses_at_the_frame_rate_are_a_camera_s_clock(field_shot: TwinShot, tmp_path: Path) -> None:
     names, columns = recorder_of(field_shot)
     camera = next(file for file in field_shot.files if "camera" in file.name)

@@ -60,6 +60,7 @@ SHOTS = [
 ]
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(("name", "seed", "settings"), SHOTS)
 def test_roles_are_right_where_no_name_tells_them(name: str, seed: int, settings: dict, tmp_path: Path) -> None:
     rig = load_rig(name) if name == "sled" else with_twin(name, **settings)
@@ -82,6 +83,7 @@ FOREIGN = [
 ]  # fmt: skip
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", FOREIGN)
 def test_no_role_is_proposed_of_files_that_are_of_no_mechanism(name: str) -> None:
     file = shared_file(name)

@@ -63,6 +63,7 @@ def files(folder: Path) -> list[str]:
     return sorted(str(one) for one in folder.glob("0001_*"))
 
 
+@pytest.mark.indispensable("init")
 def test_four_files_become_a_valid_mass_with_a_dozen_values(run, stand: Path, monkeypatch) -> None:
     monkeypatch.chdir(stand)
     recorded = [Path(one).name for one in files(stand)]
@@ -98,12 +99,14 @@ def test_four_files_become_a_valid_mass_with_a_dozen_values(run, stand: Path, mo
     assert met == MET
 
 
+@pytest.mark.whole_way
 def test_the_draft_is_the_same_whatever_the_order_of_the_files(stand: Path) -> None:
     given = {"databases": [stand / "mixed.dbc"], "out": stand / "rig.toml"}
     one, other = (draft_rig(order, **given).roles.by_signal for order in (files(stand), files(stand)[::-1]))
     assert one == other
 
 
+@pytest.mark.whole_way
 def test_a_record_of_one_body_on_a_line_becomes_a_valid_mass(run, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("drive_0001.mat").write_bytes(shared_file("real/emps/DATA_EMPS.mat").read_bytes())

@@ -189,6 +189,7 @@ def test_a_second_session_on_a_folder_is_refused_and_a_dead_ones_lock_is_not_kep
     assert not list((tmp_path / "journal").iterdir())
 
 
+@pytest.mark.real_time
 def test_the_command_refuses_a_second_session_in_one_line_with_exit_code_3(tmp_path: Path) -> None:
     with OutputFolder(tmp_path):
         words = ["ingest", "mixed", "--live", "--no-screen", "--out", str(tmp_path)]

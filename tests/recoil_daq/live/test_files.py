@@ -340,6 +340,7 @@ def test_a_shot_whose_motion_does_not_fit_is_told_to_be_perhaps_of_files_of_two_
     assert display.told("a_camera.csv is of shot 0001, source camera, by time alone")
 
 
+@pytest.mark.real_time
 def test_a_shot_file_that_is_made_anew_says_why_and_which_file_it_replaced(
     mixed_shot: TwinShot, tmp_path: Path
 ) -> None:
@@ -506,6 +507,7 @@ def test_the_rig_that_was_armed_is_the_one_that_shots_are_converted_with(tmp_pat
     assert {armed.text for armed in PlayedConversion.rigs} == {rig.text}
 
 
+@pytest.mark.real_time
 def test_a_shot_that_cannot_be_cut_on_a_full_disk_is_cut_when_there_is_room(
     tmp_path: Path, range_of: RangeOf, monkeypatch: pytest.MonkeyPatch
 ) -> None:

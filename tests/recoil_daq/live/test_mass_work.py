@@ -62,6 +62,7 @@ def kill(number: int) -> None:
     os.kill(number, signal.SIGKILL if sys.platform != "win32" else signal.SIGTERM)
 
 
+@pytest.mark.real_time
 @pytest.mark.skipif(sys.platform == "win32", reason="priorities are classes there")
 def test_it_stays_gives_way_to_others_and_is_started_anew_when_it_was_killed(worker: WarmWorker) -> None:
     first = pid(worker)
@@ -72,6 +73,7 @@ def test_it_stays_gives_way_to_others_and_is_started_anew_when_it_was_killed(wor
     assert pid(worker) != first
 
 
+@pytest.mark.real_time
 def test_what_has_a_lower_rank_goes_first_and_what_may_be_put_off_is_begun_anew(
     worker: WarmWorker, tmp_path: Path
 ) -> None:
@@ -137,6 +139,7 @@ def shot_of(stored: Path, folder: Path) -> LiveShot:
     return LiveShot("0001", state=ShotState.USABLE, document={"file": str(path)})
 
 
+@pytest.mark.real_time
 def test_the_mass_is_that_of_identify_to_the_last_bit_though_its_worker_is_killed_once(
     masses: tuple[MassWork, Told], worker: WarmWorker, stored: Path, tmp_path: Path
 ) -> None:
@@ -160,6 +163,7 @@ def test_the_mass_is_that_of_identify_to_the_last_bit_though_its_worker_is_kille
     assert "specification as bare rig" in display.notices[0]
 
 
+@pytest.mark.real_time
 def test_a_shot_that_allows_no_mass_is_said_and_ends_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     display = Told()
     rig = settling_soon(load_rig("mixed"), 0.1)

@@ -45,6 +45,7 @@ def converted(field_shot: TwinShot, tmp_path_factory: pytest.TempPathFactory) ->
     return Converted(folder, went_on, *found, modules_run(user))
 
 
+@pytest.mark.real_time
 def test_a_shot_is_converted_while_the_caller_goes_on_and_no_module_of_the_users_folder_is_run(
     converted: Converted,
 ) -> None:
@@ -90,6 +91,7 @@ def outcome(conversion: Conversion) -> tuple[int, dict[str, Any]]:
     raise TimeoutError("the conversion does not end")
 
 
+@pytest.mark.real_time
 def test_a_worker_converts_as_the_command_does(
     field_shot: TwinShot, converted: Converted, tmp_path: Path, unharmed: WarmWorker
 ) -> None:
@@ -99,6 +101,7 @@ def test_a_worker_converts_as_the_command_does(
     assert read_shot(file).quality == read_shot(converted.folder / "0007.h5").quality
 
 
+@pytest.mark.real_time
 def test_a_fault_of_the_files_comes_back_as_its_message_from_the_command_and_from_a_worker(
     tmp_path: Path, unharmed: WarmWorker
 ) -> None:
@@ -113,6 +116,7 @@ def test_a_fault_of_the_files_comes_back_as_its_message_from_the_command_and_fro
     assert "x_dewetron.csv" in document["message"]
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("written", [False, True])
 def test_a_shot_whose_worker_is_killed_is_converted_by_another_one_be_it_written_already_or_not(
     field_shot: TwinShot, tmp_path: Path, worker: WarmWorker, written: bool
@@ -130,6 +134,7 @@ def test_a_shot_whose_worker_is_killed_is_converted_by_another_one_be_it_written
     assert [row.shot for row in ShotLog.beside(target).rows] == ["0001"]
 
 
+@pytest.mark.real_time
 def test_a_worker_that_ends_twice_leaves_the_shot_to_the_command(
     field_shot: TwinShot, tmp_path: Path, worker: WarmWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -138,6 +143,7 @@ def test_a_worker_that_ends_twice_leaves_the_shot_to_the_command(
     assert outcome(conversion)[1]["usable"] is True
 
 
+@pytest.mark.real_time
 def test_a_shot_file_of_somebody_else_is_not_replaced_though_the_worker_was_killed(
     field_shot: TwinShot, tmp_path: Path, worker: WarmWorker
 ) -> None:
@@ -150,6 +156,7 @@ def test_a_shot_file_of_somebody_else_is_not_replaced_though_the_worker_was_kill
     assert (tmp_path / "0001.h5").read_bytes() == b"not mine"
 
 
+@pytest.mark.real_time
 def test_a_worker_that_is_given_up_leaves_nothing_and_takes_the_next_shot(
     field_shot: TwinShot, tmp_path: Path, worker: WarmWorker
 ) -> None:

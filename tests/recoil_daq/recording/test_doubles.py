@@ -134,6 +134,7 @@ def doubled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.whole_way
 def test_identify_sets_doubles_of_a_folder_aside_and_says_so(run, doubled: Path, tmp_path: Path) -> None:
     result = run("identify", doubled, "--out", tmp_path, "--workers", 1)
     assert result.exit_code == 0, result.output
@@ -143,6 +144,7 @@ def test_identify_sets_doubles_of_a_folder_aside_and_says_so(run, doubled: Path,
     assert f"{doubled / '0007.h5'}: 0001_camera.csv of it is of {doubled / '0001.h5'} too" in output
 
 
+@pytest.mark.whole_way
 def test_a_double_that_is_named_itself_is_identified(run, doubled: Path, tmp_path: Path) -> None:
     named = [doubled / "0001_dewetron.h5", doubled / "0001.h5"]
     result = run("identify", *named, "--out", tmp_path, "--workers", 1, "--json")
@@ -151,6 +153,7 @@ def test_a_double_that_is_named_itself_is_identified(run, doubled: Path, tmp_pat
     assert document["set_aside"] == []
 
 
+@pytest.mark.indispensable("doubles")
 def test_python_is_told_what_is_set_aside(doubled: Path, tmp_path: Path) -> None:
     told: list[str] = []
     found = identify_folder(doubled, out=tmp_path, workers=1, progress=told.append)
@@ -158,6 +161,7 @@ def test_python_is_told_what_is_set_aside(doubled: Path, tmp_path: Path) -> None
     assert len([one for one in told if "is set aside" in one]) == 2
 
 
+@pytest.mark.whole_way
 def test_a_campaign_counts_a_recording_once_by_shot_files_and_by_reports(run, doubled: Path, tmp_path: Path) -> None:
     once = tmp_path / "once"
     once.mkdir()

@@ -271,6 +271,7 @@ def test_curves_are_exported_behind_a_channel_frequency_class(run, stored: Path,
     assert re.search(rf"as recorded, not filtered by cfc-180 because [^:]*: [^:]*{camera}.*--rate HZ", said)
 
 
+@pytest.mark.whole_way
 def test_on_a_grid_the_class_filters_what_has_no_even_samples_of_its_own(run, mixed_shot, tmp_path):
     rig, rate_hz = load_rig(mixed_shot.rig_file), 4000.0
     ingested = ingest_files(rig, mixed_shot.files, shot="0001", out=tmp_path / "shots").path

@@ -64,6 +64,7 @@ def every_way_out(said: list[str], word: str) -> bool:
     return bool(of_breech) and all(word in text for text in of_breech)
 
 
+@pytest.mark.whole_way
 def test_a_sensor_that_is_declared_to_be_turned_and_is_not(ingested: Ingested) -> None:
     before = ingested.said()
     ingested.edit(GAUGE.format("V301"), OTHER_WAY_ROUND.format("V301"))
@@ -72,6 +73,7 @@ def test_a_sensor_that_is_declared_to_be_turned_and_is_not(ingested: Ingested) -
     assert ingested.said() == before
 
 
+@pytest.mark.whole_way
 def test_a_sensor_that_is_turned_and_not_declared_to_be(ingested: Ingested, files: dict[str, Path]) -> None:
     before = ingested.said()
     turned(files["dewetron"], "p_breech")
@@ -80,6 +82,7 @@ def test_a_sensor_that_is_turned_and_not_declared_to_be(ingested: Ingested, file
     assert ingested.said() == before
 
 
+@pytest.mark.indispensable("a followed remedy")
 def test_a_range_that_is_declared_too_small(ingested: Ingested) -> None:
     before = ingested.said()
     ingested.edit("range = [-25.0, 250.0]", "range = [-2.5, 120.0]")

@@ -41,6 +41,7 @@ def test_a_rig_in_the_place_of_a_file_is_said_to_be_one(tmp_path: Path, run) -> 
     assert "this is a rig file" in run("show", path).stderr
 
 
+@pytest.mark.whole_way
 def test_every_file_of_other_makers_is_read_or_named_with_what_to_do() -> None:
     unnamed = []
     for path in sorted(shared_file("README.md").parent.rglob("*")):

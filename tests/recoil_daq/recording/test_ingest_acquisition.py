@@ -72,6 +72,7 @@ def test_the_acquisition_goes_into_the_shot_and_names_it(mixed_shot: TwinShot, t
     assert sorted(i.source for i in shot.inputs) == ["camera", "can", "dewetron", "imu"]
 
 
+@pytest.mark.whole_way
 def test_the_fits_of_the_clocks_go_into_the_shot_and_its_verdict(tmp_path: Path) -> None:
     # clocks so far apart that a fit which finds nothing is seen
     rig = with_twin("mixed", **SHORTER, clock_drift=1e-3)
@@ -88,6 +89,7 @@ def test_the_fits_of_the_clocks_go_into_the_shot_and_its_verdict(tmp_path: Path)
     assert shot_summary(tmp_path / "0001.h5")["clock_fits"]["imu"] == dict(shot.clock_fits["imu"])
 
 
+@pytest.mark.whole_way
 def test_a_source_of_which_all_was_taken_before_the_window_has_nothing_of_the_shot(
     mixed_shot: TwinShot, tmp_path: Path
 ) -> None:
@@ -100,11 +102,13 @@ def test_a_source_of_which_all_was_taken_before_the_window_has_nothing_of_the_sh
     assert "all that source imu delivered was taken outside the shot's window" in reason
 
 
+@pytest.mark.whole_way
 def test_a_given_name_goes_before_that_of_the_acquisition(mixed_shot: TwinShot, tmp_path: Path) -> None:
     path, _ = record(mixed_shot, tmp_path)
     assert ingest(live(mixed_shot, path), tmp_path, shot="mine").path.name == "mine.h5"
 
 
+@pytest.mark.whole_way
 def test_what_the_acquisition_lost_is_part_of_the_verdict(mixed_shot: TwinShot, tmp_path: Path) -> None:
     path, _ = record(mixed_shot, tmp_path, lost_records=2, recovered=True, sources=sources(error_frames=5))
     shot = ingest(live(mixed_shot, path), tmp_path).shot

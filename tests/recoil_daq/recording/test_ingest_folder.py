@@ -141,6 +141,7 @@ def test_a_folder_without_a_shot_or_that_is_none_is_refused(tmp_path: Path) -> N
         ingest_folder(RIG, tmp_path / "none")
 
 
+@pytest.mark.whole_way
 def test_batch_goes_on_past_a_bad_shot_and_lists_it(run, field_shot: TwinShot, tmp_path: Path) -> None:
     folder, out = tmp_path / "day", tmp_path / "day" / "shots"
     placed(field_shot, folder, *(f"{k}_{kind}.csv" for k in (1, 2, 3) for kind in ("dewetron", "camera")))

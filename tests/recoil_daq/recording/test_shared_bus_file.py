@@ -58,6 +58,7 @@ def two_bus_shot(tmp_path_factory: pytest.TempPathFactory) -> TwinShot:
     return simulate_shot(rig_with_two_buses(), tmp_path_factory.mktemp("two buses") / "0001", seed=1, shot="0001")
 
 
+@pytest.mark.indispensable("ingest")
 def test_two_sources_of_a_rig_share_the_log_of_two_buses(two_bus_shot: TwinShot, tmp_path: Path) -> None:
     rig = rig_with_two_buses()
     logs = [file for file in two_bus_shot.files if "_can." in file.name]
@@ -98,6 +99,7 @@ def test_a_second_node_on_another_bus_is_asked_for_and_never_mixed_in(two_bus_sh
         check_rig(path, two_bus_shot.files)
 
 
+@pytest.mark.whole_way
 def test_a_signal_may_name_its_bus_itself(two_bus_shot: TwinShot, tmp_path: Path) -> None:
     text = rig_with_two_buses().text
     text = text.partition('[[source]]\nname = "second"')[0] + "\n[twin]\n" + text.partition("[twin]\n")[2]
@@ -166,6 +168,7 @@ def test_a_device_that_delivers_several_buses_is_asked_which(channel: str) -> No
     assert one.declarations(one.source("can")).captured_bus is None
 
 
+@pytest.mark.whole_way
 def test_a_folder_of_shots_gives_a_shared_log_to_both_sources(two_bus_shot: TwinShot, tmp_path: Path) -> None:
     done = ingest_folder(rig_with_two_buses(), two_bus_shot.folder.parent, out=tmp_path, workers=1)
     (shot,) = done.shots
@@ -185,6 +188,7 @@ def test_show_names_the_buses_where_no_rig_chooses_one(two_bus_shot: TwinShot) -
     assert "`bus` of a source in the rig file takes one" in output
 
 
+@pytest.mark.whole_way
 def test_ingest_warns_of_what_a_reader_left_out(two_bus_shot: TwinShot, tmp_path: Path) -> None:
     log = next(file for file in two_bus_shot.files if "_can." in file.name)
     with can.LogReader(log) as reader:

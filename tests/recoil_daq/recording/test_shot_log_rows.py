@@ -188,6 +188,7 @@ def test_log_refuses_what_it_cannot_set(run, shots: Path, words, code, said) -> 
     assert (shots / "shotlog.csv").read_bytes() == before
 
 
+@pytest.mark.whole_way
 def test_the_specification_is_what_was_fired(run, shots: Path, identified, tmp_path: Path) -> None:
     written(shots, "shot;configuration;added_mass_kg;u_added_mass_kg;exclude;crew\r\n1;ring;-12,5;0,3;warm-up;B\r\n")
     result = run("identify", shots / "0001.h5", "--out", tmp_path)
@@ -218,6 +219,7 @@ def test_the_specification_is_what_was_fired(run, shots: Path, identified, tmp_p
     assert "excluded in the shot log: warm-up" in page
 
 
+@pytest.mark.whole_way
 def test_an_added_mass_that_is_taken_as_exact_is_an_assumption(shots: Path, tmp_path: Path) -> None:
     written(shots, "shot,added_mass_kg\n0001,0.5\n")
     report = identify_file(shots / "0001.h5", out=tmp_path)
@@ -243,6 +245,7 @@ def test_a_log_without_the_shots_row_is_a_note(shots: Path) -> None:
     assert (fired.notes, fired.row, fired.log_file) == ((), None, None)
 
 
+@pytest.mark.whole_way
 def test_targets_take_the_specification_as_fired(run, shots: Path, tmp_path: Path) -> None:
     written(shots, "shot,added_mass_kg,u_added_mass_kg\n0001,10,0.1\n")
     assert run("identify", shots / "0001.h5", "--target", "breech-force", "--out", tmp_path).exit_code in (0, 1)

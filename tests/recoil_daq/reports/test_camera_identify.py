@@ -27,6 +27,7 @@ def shot_file(tmp_path_factory) -> Path:
     return ingest_files(rig, simulated.files, shot="0001", out=folder / "shots", on=dt.date(2026, 6, 1)).path
 
 
+@pytest.mark.whole_way
 def test_the_report_has_every_key_and_a_page(shot_file, tmp_path):
     ran = CliRunner().invoke(app, ["identify", str(shot_file), "--out", str(tmp_path), "--json"])
     assert ran.exit_code == 0, ran.output

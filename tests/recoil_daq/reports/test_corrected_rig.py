@@ -96,6 +96,7 @@ WEIGHED = (
 )
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     "pairs", [(BREECH, ACCELEROMETER, CAMERA), (SURER, *WEIGHED)], ids=["gains", "certificate and mechanism"]
 )  # fmt: skip
@@ -119,6 +120,7 @@ def test_the_mass_and_the_verdict_are_those_of_an_ingest_with_the_corrected_rig(
     assert influences[0] == influences[1]
 
 
+@pytest.mark.whole_way
 def test_a_camera_that_is_aligned_by_the_forces_is_aligned_anew(tracked: Range, tmp_path: Path) -> None:
     assert tracked.text.count('name = "p_breech"') == 1
     rig_file = tracked.rig_file(tmp_path)
@@ -133,6 +135,7 @@ def test_a_camera_that_is_aligned_by_the_forces_is_aligned_anew(tracked: Range, 
     assert fired.shot.quality == fresh.quality
 
 
+@pytest.mark.indispensable("corrected rig")
 def test_the_gain_moves_the_mass_as_the_force_and_the_report_says_why(
     mixed: Range, tmp_path: Path, run: Callable[..., Any]
 ) -> None:
@@ -159,6 +162,7 @@ def test_the_gain_moves_the_mass_as_the_force_and_the_report_says_why(
     assert page.count(line.replace("'", "&#39;").replace(">", "&gt;")) == 1
 
 
+@pytest.mark.whole_way
 def test_a_target_is_found_with_the_corrected_rig(mixed: Range, tmp_path: Path, run: Callable[..., Any]) -> None:
     rig_file = mixed.rig_file(tmp_path, gauge(gain=1.01))
     words = ["identify", mixed.shot_file, "--target", "breech-force", "--out", tmp_path / "out", "--rig", rig_file]
@@ -221,6 +225,7 @@ def test_a_verdict_that_only_the_recorded_files_tell_is_kept_and_named(mixed: Ra
     assert "of the verdict these are kept as ingest found them, with the rig as it was: shot impulse" in fired.notes
 
 
+@pytest.mark.whole_way
 def test_a_due_date_that_was_wrong_no_longer_warns(mixed: Range, tmp_path: Path) -> None:
     late = mixed.rig_file(tmp_path, ("due = 2099-12-31", "due = 2026-02-01"))
     overdue = mixed.ingested(late, tmp_path / "overdue")
@@ -255,6 +260,7 @@ def plain_reports(two: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.whole_way
 def test_a_campaign_identifies_anew_what_was_made_without_the_corrected_rig(
     mixed: Range, two: Path, tmp_path: Path, plain_reports: Path
 ) -> None:
@@ -272,6 +278,7 @@ def test_a_campaign_identifies_anew_what_was_made_without_the_corrected_rig(
     assert report.stat().st_mtime_ns == made
 
 
+@pytest.mark.whole_way
 def test_a_campaign_does_not_drop_a_correction_silently(mixed: Range, two: Path, tmp_path: Path) -> None:
     rig_file = mixed.rig_file(tmp_path, SURER)
     for shot_file in sorted(two.glob("*.h5")):

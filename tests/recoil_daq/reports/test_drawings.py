@@ -79,6 +79,7 @@ def checked(done: Recomputed, folder: Path, *shots: Path) -> Comparison:
     return replace(done, kept=Kept.read(folder)).whole(shots)
 
 
+@pytest.mark.whole_way
 def test_all_that_was_written_comes_again_to_the_byte(done: Recomputed, home: Path) -> None:
     found = checked(done, home / "reports" / "0001")
     assert found.again
@@ -139,6 +140,7 @@ def test_a_file_of_somebody_else_is_named_as_not_compared(done: Recomputed, fold
     assert [one.file for one in found.not_compared] == ["beside.html"]
 
 
+@pytest.mark.whole_way
 def test_a_changed_shot_file_in_the_folder_that_was_named_is_always_told(
     done: Recomputed, home: Path, tmp_path: Path, run: Callable[..., Any]
 ) -> None:
@@ -154,6 +156,7 @@ def test_a_changed_shot_file_in_the_folder_that_was_named_is_always_told(
     assert "0 of 1 documents come again" in result.output
 
 
+@pytest.mark.whole_way
 def test_a_report_of_an_earlier_version_is_explained_and_its_page_named(
     folder: Path, home: Path, run: Callable[..., Any]
 ) -> None:
@@ -179,6 +182,7 @@ def test_something_else_in_the_place_of_the_forms_is_one_line(
     assert "this is no report of a shot that can be made again" in result.stderr
 
 
+@pytest.mark.whole_way
 def test_page_and_paper_bear_the_documents_own_digest(home: Path) -> None:
     folder = home / "reports" / "0001"
     digest = json.loads((folder / "report.json").read_text("utf-8"))["provenance"]["digest"]

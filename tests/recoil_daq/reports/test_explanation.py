@@ -96,6 +96,7 @@ def rewritten(home: Path, document: dict[str, Any]) -> None:
     (home / "reports" / "0001" / "report.json").write_text(json.dumps(document), encoding="utf-8")
 
 
+@pytest.mark.indispensable("explain")
 def test_every_number_of_an_untouched_report_comes_again_to_the_last_bit(done: recoil_daq.Explained) -> None:
     assert done.exact
     assert done.again
@@ -121,6 +122,7 @@ def test_a_result_is_one_line_or_a_tree(done: recoil_daq.Explained) -> None:
     assert done._repr_html_().startswith("<pre")
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("key", "path", "unit", "formula"),
     [
@@ -142,6 +144,7 @@ def test_any_key_of_the_report_is_explained(home: Path, key: str, path: str, uni
     assert entry.value == dict(leaves_of(stored))[path].value
 
 
+@pytest.mark.whole_way
 def test_the_beginning_of_a_name_is_enough_and_an_unknown_one_is_answered_with_the_nearest(
     home: Path, run: Callable[..., Any]
 ) -> None:
@@ -220,6 +223,7 @@ GIVEN = ("shot_log.elevation_deg", "provenance.inputs[1]", "provenance.parameter
 """What nothing but the report's digest tells: no number of the report hangs on it."""
 
 
+@pytest.mark.whole_way
 @settings(
     max_examples=25, deadline=None, derandomize=True, database=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
@@ -281,6 +285,7 @@ def test_what_a_report_cannot_be_made_again_from_is_said(copied: Path, key: str,
         explain(copied / "reports")
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("path", [("alignment", 0, "method"), ("mass", "method")], ids=str)
 @pytest.mark.parametrize("value", [[], 7, None], ids=str)
 def test_a_report_with_something_else_where_a_name_belongs_is_no_traceback(
@@ -316,6 +321,7 @@ def test_a_digit_beyond_the_last_one_that_counts_is_found(copied: Path) -> None:
     assert other_digits(b"[0.5, 1e3, 0e99999999999999999999]") == ("0e99999999999999999999",)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", ["mass.csv", "curves.csv"])
 def test_a_digit_changed_in_a_table_beside_the_report_is_found(copied: Path, name: str) -> None:
     path = copied / "reports" / "0001" / name
@@ -359,6 +365,7 @@ def test_a_program_that_writes_the_report_anew_changes_nothing(copied: Path) -> 
     assert explain(copied / "reports").again
 
 
+@pytest.mark.whole_way
 def test_the_log_may_go_on_without_the_shot(copied: Path) -> None:
     log = copied / "shots" / "shotlog.csv"
     log.write_text(LOG + "0002,,,,,\n", encoding="utf-8")
@@ -375,6 +382,7 @@ def test_the_log_may_go_on_without_the_shot(copied: Path) -> None:
     assert done.files[1]["state"] == "not here: what it said is in the report"
 
 
+@pytest.mark.whole_way
 def test_a_report_without_a_row_of_the_log_comes_again_with_its_findings_and_without(
     stored: Path, tmp_path: Path
 ) -> None:
@@ -397,6 +405,7 @@ def test_a_report_without_a_row_of_the_log_comes_again_with_its_findings_and_wit
     assert not explain(path).again
 
 
+@pytest.mark.whole_way
 def test_the_shot_file_is_found_under_another_name_and_in_a_folder_that_is_given(
     copied: Path, tmp_path: Path, run: Callable[..., Any]
 ) -> None:
@@ -420,6 +429,7 @@ def test_a_shot_file_that_has_changed_is_one_line(copied: Path, run: Callable[..
     assert result.stderr.count("\n") == 1
 
 
+@pytest.mark.whole_way
 def test_a_folder_of_reports_is_checked_each_on_its_line(copied: Path, run: Callable[..., Any]) -> None:
     shutil.copytree(copied / "reports" / "0001", copied / "reports" / "0002")
     result = run("explain", copied / "reports", "--check", "--workers", 1)
@@ -472,6 +482,7 @@ def test_what_is_no_report_is_said_in_a_line(copied: Path, tmp_path: Path, run: 
         explain(copied / "reports")
 
 
+@pytest.mark.whole_way
 def test_a_report_with_a_corrected_rig_comes_again_without_its_file(stored: Path, tmp_path: Path) -> None:
     rig = tmp_path / "corrected.toml"
     text = find_rig("field-2013").read_text("utf-8")
@@ -486,6 +497,7 @@ def test_a_report_with_a_corrected_rig_comes_again_without_its_file(stored: Path
     assert "[mechanism] friction: 1650.0 N, u 150.0" in str(done)
 
 
+@pytest.mark.whole_way
 def test_reports_of_several_shots_come_again_with_the_cut_off_that_they_share(
     stored: Path, tmp_path: Path, run: Callable[..., Any]
 ) -> None:

@@ -42,6 +42,7 @@ def test_one_shot_or_a_cutoff_that_is_asked_for_share_nothing(shots: list[Path])
     assert shared_options(shots, Options(cutoff_hz=500.0)) == dict.fromkeys(shots, Options(cutoff_hz=500.0))
 
 
+@pytest.mark.whole_way
 def test_identify_takes_one_cutoff_for_all_shots_and_says_whether_they_repeat(run, shots: list[Path], tmp_path) -> None:
     third = tmp_path / "0005.h5"
     write_shot(replace(read_shot(shots[1]), name="0005"), third)
@@ -72,6 +73,7 @@ def test_a_shot_whose_peak_is_off_is_named() -> None:
     assert repeatability(documents[:1]) == {}
 
 
+@pytest.mark.whole_way
 def test_reports_are_the_same_bytes_whoever_makes_them(shots: list[Path], tmp_path: Path) -> None:
     folder = shots[0].parent
     one = identify_folder(folder, out=tmp_path / "1", workers=1)
@@ -87,6 +89,7 @@ def test_reports_are_the_same_bytes_whoever_makes_them(shots: list[Path], tmp_pa
         identify_folder(folder, out=tmp_path / "2", executor=threads)
 
 
+@pytest.mark.whole_way
 def test_two_files_of_one_shot_are_not_one_report(shots: list[Path], tmp_path: Path) -> None:
     again = tmp_path / "again.h5"
     again.write_bytes(shots[0].read_bytes())
@@ -137,6 +140,7 @@ def with_one_too_short(shots: list[Path], tmp_path_factory: pytest.TempPathFacto
     return folder
 
 
+@pytest.mark.whole_way
 def test_a_shot_without_a_mass_does_not_keep_the_others_from_theirs(run, with_one_too_short: Path, tmp_path) -> None:
     result = run("identify", with_one_too_short, "--out", tmp_path, "--json")
     assert result.exit_code == 3

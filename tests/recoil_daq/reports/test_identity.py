@@ -44,6 +44,7 @@ def texts_of(report: Identified) -> list[str]:
     return [(report.folder / "report.html").read_text("utf-8"), sheets]
 
 
+@pytest.mark.whole_way
 def test_page_and_paper_have_the_identity_and_the_concession(issued: tuple[Path, Reported]) -> None:
     _, report = issued
     for text in texts_of(report):
@@ -53,6 +54,7 @@ def test_page_and_paper_have_the_identity_and_the_concession(issued: tuple[Path,
         assert f"{fixed(100 * probability, 1)} %" in text
 
 
+@pytest.mark.whole_way
 def test_every_file_has_its_whole_digest_on_page_and_paper(issued: tuple[Path, Reported], stored: Path) -> None:
     _, report = issued
     provenance = report.document["provenance"]
@@ -69,6 +71,7 @@ def test_every_file_has_its_whole_digest_on_page_and_paper(issued: tuple[Path, R
     assert [one["source"] for one in provenance["inputs"]].count("header file") == 1
 
 
+@pytest.mark.whole_way
 def test_each_channel_has_its_sensor_and_each_area_its_uncertainty(issued: tuple[Path, Reported]) -> None:
     _, report = issued
     channels = {one["channel"]: one for one in report.document["channels"]}
@@ -94,6 +97,7 @@ def test_the_estimate_of_a_source_is_its_pull_times_its_uncertainty(issued: tupl
         assert row["estimate"] == pytest.approx(pulls[row["source"]] * row["u_source"], rel=1e-6)
 
 
+@pytest.mark.whole_way
 def test_the_same_input_gives_the_same_bytes_and_comes_again(issued: tuple[Path, Reported], stored: Path) -> None:
     out, report = issued
     again = identify_file(stored, out=out / "again", header=out / "header.toml", pdf=True)
@@ -102,6 +106,7 @@ def test_the_same_input_gives_the_same_bytes_and_comes_again(issued: tuple[Path,
     assert explain(report.folder, shots=stored.parent).again
 
 
+@pytest.mark.whole_way
 def test_every_target_that_the_shot_allows_comes_again_and_a_changed_digit_shows(stored: Path, tmp_path: Path) -> None:
     (tmp_path / "header.toml").write_text(HEADER, encoding="utf-8")
     output = Output(tmp_path / "reports", header=tmp_path / "header.toml")

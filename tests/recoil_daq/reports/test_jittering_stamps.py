@@ -26,6 +26,7 @@ def with_jitter(path, late_steps):
     path.write_text("\n".join([head, *rows, ""]), encoding="utf-8")
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", SEEDS)
 def test_jitter_of_the_recorders_stamps_hardly_moves_the_mass(name, tmp_path):
     rig = with_twin(name, **SHORTER)

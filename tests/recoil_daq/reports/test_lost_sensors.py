@@ -81,6 +81,7 @@ def all_written(fired: StoredShot, paper: bool = False) -> dict:
 
 
 # one shot is identified and drawn in each: a second of processor time
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("name", "present"),
     [
@@ -95,6 +96,7 @@ def test_a_mass_without_a_sensor_that_lost_all_is_reported_and_not_valid(name: s
     assert any((name if name != "acc_recoil" else "accelerometer") in reason for reason in document["reasons"])
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("present", [0, 1, 2])
 @pytest.mark.parametrize("name", NEEDED)
 def test_a_side_of_the_equation_that_lost_all_is_named_and_gives_no_mass(name: str, present: int) -> None:
@@ -126,6 +128,7 @@ def case(name: str) -> Case:
 
 
 # the longest of the targets, breech-force, has its own test of failed checks
+@pytest.mark.whole_way
 @pytest.mark.parametrize("target", [target for target in TARGETS if target != "breech-force"])
 @pytest.mark.parametrize("name", ["acc_recoil", "acc_carriage_x", "gyro_tipping", "p_brake"])
 def test_no_target_of_a_lost_sensor_is_valid(target: str, name: str) -> None:

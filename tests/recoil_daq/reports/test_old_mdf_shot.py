@@ -15,6 +15,7 @@ from recoil_acquisition.readers.table import recognise
 from tests.builders.container_files import mdf_file
 
 
+@pytest.mark.whole_way
 def test_a_shot_of_mdf_3_has_the_mass_that_it_has_by_text(
     files: dict[str, Path], identified: Any, tmp_path: Path, run: Callable[..., Result]
 ) -> None:

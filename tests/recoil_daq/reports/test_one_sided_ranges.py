@@ -17,6 +17,7 @@ from tests.builders.virtual_shots import SHORTER, with_twin
 RANGES = {"[-25.0, 250.0]": "[0, 250]", "[-1.6, 16.0]": "[0, 16]", "[-0.6, 6.0]": "[0, 6]"}
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(("name", "seed"), [("field-2013", 3), ("mixed", 4)])
 def test_a_range_from_zero_changes_neither_verdict_nor_mass(name, seed, tmp_path):
     rig = with_twin(name, **SHORTER)

@@ -27,6 +27,7 @@ def unknown_filter(tmp_path: Path) -> Path:
     return rig
 
 
+@pytest.mark.whole_way
 def test_a_clock_that_is_hardly_known_is_said_at_the_range_first_and_at_the_desk_the_same(
     run, field_shot: TwinShot, unknown_filter: Path, tmp_path: Path
 ) -> None:
@@ -51,6 +52,7 @@ def test_a_clock_that_is_hardly_known_is_said_at_the_range_first_and_at_the_desk
     assert report["reasons"][0] == reason
 
 
+@pytest.mark.whole_way
 def test_a_declared_delay_makes_the_same_shot_usable_and_valid(
     run, field_shot: TwinShot, unknown_filter: Path, tmp_path: Path
 ) -> None:
@@ -61,6 +63,7 @@ def test_a_declared_delay_makes_the_same_shot_usable_and_valid(
     assert run("identify", tmp_path / "s", "--out", tmp_path / "r").exit_code == 0
 
 
+@pytest.mark.whole_way
 def test_a_folder_of_shots_tells_worst_verdict_warnings_and_the_first_reason(
     run, field_shot: TwinShot, unknown_filter: Path, tmp_path: Path
 ) -> None:

@@ -34,6 +34,7 @@ def copied(printed: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(printed, tmp_path / "out" / printed.name))
 
 
+@pytest.mark.indispensable("paper")
 def test_the_paper_copy_holds_the_report_beside_it(printed: Path) -> None:
     (content,) = PdfReader(printed / "report.pdf").attachments["report.json"]
     assert content == (printed / "report.json").read_bytes()
@@ -46,6 +47,7 @@ def test_each_figure_stands_there_as_svg_and_png(printed: Path) -> None:
     assert {"mass", "residuals", "spectrum"} <= stems
 
 
+@pytest.mark.whole_way
 def test_a_second_run_writes_the_same_bytes(run, stored: Path, printed: Path, tmp_path: Path) -> None:
     result = run("identify", stored, "--out", tmp_path, "--pdf", "--figures")
     assert result.exit_code == 0, result.output
@@ -53,6 +55,7 @@ def test_a_second_run_writes_the_same_bytes(run, stored: Path, printed: Path, tm
         assert (tmp_path / "0001" / path.relative_to(printed)).read_bytes() == path.read_bytes(), path.name
 
 
+@pytest.mark.whole_way
 def test_a_paper_copy_is_not_replaced_unasked_and_goes_with_the_report_that_it_tells_of(
     run, stored: Path, copied: Path
 ) -> None:
@@ -74,6 +77,7 @@ def leave_figure(folder: Path, key: str, prefix: str = "") -> str:
     return prefix + key
 
 
+@pytest.mark.whole_way
 def test_figures_that_the_new_report_has_not_go_with_the_older_one(run, stored: Path, copied: Path) -> None:
     kept = leave_figure(copied, "inertia-force-2", "inertia-force-")
     gone = leave_figure(copied, "alignment-of a clock, long gone")
@@ -89,6 +93,7 @@ def test_figures_that_the_new_report_has_not_go_with_the_older_one(run, stored: 
     assert (copied / FIGURE).exists(), "it is of the page of the mass"
 
 
+@pytest.mark.whole_way
 def test_a_target_s_paper_stands_beside_the_mass_s(run, stored: Path, copied: Path) -> None:
     words = ("identify", stored, "--out", copied.parent, "--target", "inertia-force", "--pdf", "--figures")
     assert run(*words).exit_code in (0, 1)
@@ -104,6 +109,7 @@ def fired(tmp_path_factory: pytest.TempPathFactory) -> FiredCampaign:
     return fire_campaign(tmp_path_factory.mktemp("campaign"), CampaignPlan(), shots=2, campaign_seed=5)
 
 
+@pytest.mark.whole_way
 def test_a_campaign_has_a_paper_copy(run, fired: FiredCampaign, tmp_path: Path) -> None:
     result = run("campaign", fired.shots, "--out", tmp_path / "c", "--pdf", "--figures", "--workers", "1")
     assert result.exit_code in (0, 1), result.output

@@ -97,6 +97,7 @@ def test_what_tells_of_the_older_report_goes_with_it(reported: Path) -> None:
     assert [path.name for path in reported.parent.iterdir()] == ["r"]
 
 
+@pytest.mark.whole_way
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL that a process sends to itself")
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a process that is killed is made by fork")
 def test_a_kill_at_any_step_leaves_a_whole_report_that_the_next_run_finds(reported: Path) -> None:

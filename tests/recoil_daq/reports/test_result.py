@@ -36,6 +36,7 @@ def reported(shot: Shot, tmp_path_factory: pytest.TempPathFactory) -> Reported:
     return identify_file(folder / f"{shot.name}.h5", out=folder / "reports")
 
 
+@pytest.mark.indispensable("in memory")
 def test_a_mass_in_memory_is_that_of_the_command_to_the_last_digit(result: Result, reported: Reported) -> None:
     assert (result.mass_kg, result.u_kg, result.interval_kg) == (reported.mass_kg, reported.u_kg, reported.interval_kg)
     assert (result.valid, result.reasons, result.findings) == (reported.valid, reported.reasons, reported.findings)
@@ -71,6 +72,7 @@ def test_tables_have_what_the_document_has(result: Result) -> None:
     assert result.correlation["r"].abs().max() <= 1.0
 
 
+@pytest.mark.whole_way
 def test_a_plot_has_the_mass_its_interval_and_the_specification(result: Result, tmp_path: Path) -> None:
     figure = result.plot()
     (axes,) = figure.axes
@@ -80,6 +82,7 @@ def test_a_plot_has_the_mass_its_interval_and_the_specification(result: Result, 
     figure.savefig(tmp_path / "mass.png")
 
 
+@pytest.mark.whole_way
 def test_a_workbook_has_a_sheet_of_each_table_and_replaces_none_unasked(result: Result, tmp_path: Path) -> None:
     path = result.to_excel(tmp_path / "mass.xlsx")
     book = openpyxl.load_workbook(path)
@@ -92,6 +95,7 @@ def test_a_workbook_has_a_sheet_of_each_table_and_replaces_none_unasked(result: 
     result.to_excel(path, overwrite=True)
 
 
+@pytest.mark.whole_way
 def test_what_is_changed_in_memory_changes_the_mass_and_not_the_shot(shot: Shot, result: Result) -> None:
     breech = shot["p_breech"]
     louder = shot.with_channel(replace(breech, samples=1.004 * breech.samples, raw=None))
@@ -111,6 +115,7 @@ def test_a_corrected_rig_is_taken_and_another_one_refused(shot: Shot) -> None:
         identify(shot, parse_rig(other, Path("other.toml")))
 
 
+@pytest.mark.whole_way
 def test_targets_stand_beside_the_mass(shot: Shot) -> None:
     assert list(identify(shot, targets=("resistance",)).targets) == ["resistance"]
     with pytest.raises(ValueError, match="nonsense"):

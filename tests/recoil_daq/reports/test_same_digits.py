@@ -107,6 +107,7 @@ def rows_of(page: str, section: str) -> Iterator[dict[str, str]]:
             yield dict(zip(heads, cells, strict=True))
 
 
+@pytest.mark.whole_way
 def test_mass_u_interval_and_e_n_are_those_of_the_document(handed_over: HandedOver) -> None:
     document, page = handed_over.document, text_of(handed_over.page)
     paper = tight(" ".join(sheet.extract_text() for sheet in handed_over.paper.pages))
@@ -126,6 +127,7 @@ def test_mass_u_interval_and_e_n_are_those_of_the_document(handed_over: HandedOv
         assert tight(text) in paper, text
 
 
+@pytest.mark.whole_way
 def test_each_row_of_the_budget_is_that_of_the_document(handed_over: HandedOver) -> None:
     budget = handed_over.document["budget"]
     rows = list(rows_of(handed_over.page, "budget"))
@@ -155,6 +157,7 @@ def test_the_document_in_a_shot_s_page_is_the_file(shot: HandedOver) -> None:
     assert unpacked(packed[1].strip())["report"] == shot.document
 
 
+@pytest.mark.whole_way
 def test_python_and_the_workbook_have_every_digit(shot: HandedOver, tmp_path: Path) -> None:
     document, read = shot.document, read_report(shot.folder)
     assert (read.mass_kg, read.u_kg) == (document["mass"]["value"], document["mass"]["u"])

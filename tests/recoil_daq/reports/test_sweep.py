@@ -37,11 +37,13 @@ def of_report(report: dict[str, Any]) -> list[object]:
     return [mass["value"], mass["u"], mass["U95"], report["E_n"], report["rpe_percent"]["value"]]
 
 
+@pytest.mark.indispensable("sweep")
 def test_its_own_row_has_the_digits_of_plain_identify(swept: Swept, identified: Identified) -> None:
     assert digits(swept.document["own"]) == of_report(identified.report)
     assert swept.document["own"]["cutoff_hz"] == identified.report["filter"]["cutoff_hz"]
 
 
+@pytest.mark.whole_way
 def test_a_row_has_the_digits_of_plain_identify_at_that_value(
     run: Run, swept: Swept, stored: Path, tmp_path: Path
 ) -> None:
@@ -53,6 +55,7 @@ def test_a_row_has_the_digits_of_plain_identify_at_that_value(
     assert [first["value"], second["value"]] == [250.0, 350.0]
 
 
+@pytest.mark.whole_way
 def test_a_row_at_the_default_value_is_its_own(stored: Path, tmp_path: Path, identified: Identified) -> None:
     (row,) = sweep_shot(stored, "window_s=0.02:0.02:1", out=tmp_path).document["rows"]
     assert digits(row) == of_report(identified.report)
@@ -92,6 +95,7 @@ def test_a_sweep_that_moves_the_mass_or_is_of_none_that_is_valid_is_not_green(
     assert 'class="verdict doubt"' in page
 
 
+@pytest.mark.whole_way
 def test_nothing_of_a_report_goes_with_a_sweep_and_no_sweep_is_replaced_unasked(stored: Path, tmp_path: Path) -> None:
     folder = tmp_path / "0001"
     (folder / "figures").mkdir(parents=True)
@@ -105,6 +109,7 @@ def test_nothing_of_a_report_goes_with_a_sweep_and_no_sweep_is_replaced_unasked(
     sweep_shot(stored, "window_s=0.02:0.02:1", out=tmp_path, overwrite=True)
 
 
+@pytest.mark.whole_way
 def test_a_value_that_allows_no_mass_is_a_row_that_says_why(stored: Path, tmp_path: Path) -> None:
     (row,) = sweep_shot(stored, "window_s=100:100:1", out=tmp_path).document["rows"]
     assert row["mass_kg"] is None

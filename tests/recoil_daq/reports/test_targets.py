@@ -23,6 +23,7 @@ def written(stored: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pat
     return out, CliRunner().invoke(app, words)
 
 
+@pytest.mark.indispensable("targets")
 def test_targets_are_written_beside_one_another_and_printed(written: tuple[Path, Result], field_shot: TwinShot) -> None:
     out, result = written
     assert result.exit_code in (0, 1), result.output
@@ -42,6 +43,7 @@ def test_targets_are_written_beside_one_another_and_printed(written: tuple[Path,
     assert (out / "0001" / "resistance.csv").read_text("utf-8").startswith("time_s,")
 
 
+@pytest.mark.whole_way
 def test_a_target_is_not_overwritten_and_the_mass_may_join_it(
     run, stored: Path, written: tuple[Path, Result], tmp_path: Path
 ) -> None:
@@ -55,6 +57,7 @@ def test_a_target_is_not_overwritten_and_the_mass_may_join_it(
     assert {"report.json", "mass.csv", "resistance.json"} <= {p.name for p in (out / "0001").iterdir()}
 
 
+@pytest.mark.whole_way
 def test_json_is_one_document_with_masses_and_targets(run, stored: Path, tmp_path: Path) -> None:
     result = run("identify", stored, "--target", "mass", "--target", "inertia-force", "--json", "--out", tmp_path)
     document = json.loads(result.stdout)
@@ -65,6 +68,7 @@ def test_json_is_one_document_with_masses_and_targets(run, stored: Path, tmp_pat
     assert {f["file"] for f in target["provenance"]["inputs"]} >= {"0001.h5"}
 
 
+@pytest.mark.whole_way
 def test_compare_adds_the_further_estimators_and_any_of_them_can_be_reported(
     run, stored: Path, field_shot: TwinShot, tmp_path: Path
 ) -> None:

@@ -27,6 +27,7 @@ def ended(redirected: str, *words: object, folder: Path) -> subprocess.Completed
     )
 
 
+@pytest.mark.whole_way
 @pytest.mark.skipif(NO_FULL_DEVICE, reason="this system has no full device")
 @pytest.mark.parametrize("words", [("formats",), ("formats", "--json"), ("--help",), ("log", "0001", "notes=a")])
 def test_a_full_disk_behind_stdout_is_told_in_one_line(tmp_path: Path, words: tuple[str, ...]) -> None:
@@ -38,6 +39,7 @@ def test_a_full_disk_behind_stdout_is_told_in_one_line(tmp_path: Path, words: tu
     assert (tmp_path / "shots" / "shotlog.csv").exists() == (words[0] == "log")
 
 
+@pytest.mark.whole_way
 def test_a_stdout_that_is_closed_is_told_and_no_file_takes_its_place(tmp_path: Path) -> None:
     (tmp_path / "0001.h5").touch()
     done = ended(">&-", "log", "0001", "notes=a", "--dir", tmp_path, folder=tmp_path)
@@ -46,6 +48,7 @@ def test_a_stdout_that_is_closed_is_told_and_no_file_takes_its_place(tmp_path: P
     assert (tmp_path / "shotlog.csv").read_text("utf-8").splitlines()[1:] == ["0001,,,,,,,,,a"]
 
 
+@pytest.mark.whole_way
 def test_a_pipe_that_its_reader_closed_is_no_fault() -> None:
     script = '{ "$@"; echo "code $?" >&2; } | head -1'
     done = subprocess.run(
@@ -55,12 +58,14 @@ def test_a_pipe_that_its_reader_closed_is_no_fault() -> None:
     assert len(done.stdout.splitlines()) == 1
 
 
+@pytest.mark.whole_way
 def test_an_error_keeps_its_exit_code(tmp_path: Path) -> None:
     assert ended(">&-", "show", "nothing.h5", folder=tmp_path).returncode == 3
     assert ended(">&-", "show", folder=tmp_path).returncode == 2
     assert ended(">&- 2>&-", "show", "nothing.h5", folder=tmp_path).returncode == 3
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("how", ["", "--json"])
 def test_without_any_stream_a_report_is_written_all_the_same(stored: Path, tmp_path: Path, how: str) -> None:
     shutil.copy(stored, tmp_path / "0001.h5")

@@ -41,6 +41,7 @@ CASE = Case(
 opened = partial(open_bytes, CaptureReader(), "bus.rdlog", declared=DECLARED)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("rule", rules.RULES, ids=lambda rule: rule.__name__)
 def test_a_can_capture_keeps_every_rule_of_readers(rule: Callable[[Case, Path], None], tmp_path: Path) -> None:
     rule(CASE, tmp_path)

@@ -48,6 +48,7 @@ def test_any_layout_decodes_as_cantools_does(seed: int, size: int) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-15, equal_nan=True)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "name", ["vehicle.dbc", "signed.dbc", "floating_point.dbc", "multiplex.dbc", "variable_dlc.dbc", "rig_shot/rig.dbc"]
 )

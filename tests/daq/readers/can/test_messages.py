@@ -265,6 +265,7 @@ def random_message(rng: random.Random, frame_id: int) -> Message:
     return Message(frame_id, f"m{frame_id}", size, signals, is_fd=size > 8, is_extended_frame=rng.random() < 0.5)
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_random_databases_decode_as_cantools_does_whole_and_cut_frames_alike(seed: int) -> None:

@@ -324,6 +324,7 @@ LINES = st.lists(
 )
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=150, deadline=None)
 @given(lines=LINES)
 def test_lines_of_an_asc_log_mean_the_same_whether_read_together_or_alone(lines: list[str]) -> None:
@@ -350,6 +351,7 @@ CANDUMP = st.lists(
 )
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(lines=CANDUMP)
 def test_lines_of_a_candump_mean_the_same_whether_read_together_or_alone(

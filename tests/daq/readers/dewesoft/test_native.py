@@ -52,6 +52,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     return RECORDINGS[0]
 
 
+@pytest.mark.exhaustive
 def test_a_real_recording_has_the_counts_that_its_library_states(drive: Recording) -> None:
     assert {header.name: header.sample_count for header in drive.signals} == COUNTS
     assert {h.name: h.unit for h in drive.signals if h.unit} == {"GPSvel": "kph", "CNT 0": "m"}
@@ -112,6 +113,7 @@ def test_a_real_recording_that_was_cut_is_refused_or_shorter(
         np.testing.assert_array_equal(samples, drive.read(header.name)[: samples.size])
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", [0, 2])
 def test_a_real_recording_with_flipped_bytes_is_refused_or_read(
     seed: int, drive: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -148,6 +150,7 @@ def test_a_crash_of_the_library_is_a_corrupt_file(fault: str, told: Callable[...
         told(**{fault: True})
 
 
+@pytest.mark.exhaustive
 def test_a_hang_of_the_library_is_a_corrupt_file(
     told: Callable[..., Recording], monkeypatch: pytest.MonkeyPatch
 ) -> None:

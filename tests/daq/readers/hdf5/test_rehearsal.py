@@ -84,6 +84,7 @@ def test_a_file_over_which_the_library_ended_is_not_opened_here(
 refused_here: Callable[..., None] = lambda *_, **__: pytest.fail("the file was opened in this process")  # noqa: E731
 
 
+@pytest.mark.exhaustive
 def test_damage_anywhere_is_a_refusal_or_a_recording(recording: Path) -> None:
     whole, said = recording.read_bytes(), []
     for seed in range(40):

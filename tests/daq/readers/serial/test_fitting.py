@@ -62,6 +62,7 @@ def test_the_framing_that_fits_is_found_with_its_parameters(stream: bytes, table
     assert tomllib.loads(str(found)) == {"framing": table}
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("name", "frames", "table"),
     [

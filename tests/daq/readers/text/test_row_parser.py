@@ -37,6 +37,7 @@ def outcome(read: Callable[[], tuple[np.ndarray, list[list[str]]]]) -> tuple[str
     return "", values.tobytes(), texts
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=150)
 @given(
     pieces=st.lists(st.lists(st.lists(CELLS, min_size=3, max_size=3), min_size=1, max_size=4), min_size=1, max_size=4),

@@ -219,6 +219,7 @@ def text_of(text: str) -> TextFile:
     return TextFile(Path("a.csv"), text.encode(), "utf-8")
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=200)
 @given(
     numbers=st.lists(st.integers(-20_000, 20_000), min_size=2, max_size=60),

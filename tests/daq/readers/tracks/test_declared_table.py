@@ -181,6 +181,7 @@ CASE = rules.Case(
 )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "rule", [rule for rule in rules.RULES if rule is not rules.claims_its_own_file], ids=lambda rule: rule.__name__
 )

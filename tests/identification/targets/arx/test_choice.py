@@ -120,6 +120,7 @@ def of_system(n_samples: int, seed: int, **system: object) -> DecimatedRecord:
     return DecimatedRecord(np.arange(n_samples) * 0.01, u, y, np.ones(n_samples, dtype=bool), 0.01, 1, None)
 
 
+@pytest.mark.whole_way
 def test_the_orders_and_the_delay_of_a_known_system_are_recovered():
     found = [compare_orders(of_system(400, 50 + seed, noise=0.3), WIDE).ranked[0][0].orders for seed in range(20)]
     assert found.count(ArxOrders(2, 1, 1)) >= 16

@@ -64,6 +64,7 @@ def test_the_bands_are_those_of_the_normal_distribution():
     np.testing.assert_allclose(found.band, 2.5758293 / 20.0, rtol=1e-7)
 
 
+@pytest.mark.whole_way
 def test_residuals_of_the_right_model_pass_both_tests_as_often_as_stated():
     orders = ArxOrders(2, 1, 1)
     white = independent = 0

@@ -103,6 +103,7 @@ def test_lost_samples_leave_rows_out_and_the_mass_in_its_interval():
     assert low <= virtual.truth["m3"] <= high
 
 
+@pytest.mark.whole_way
 def test_a_shot_in_doubt_says_so():
     virtual = virtual_shot()
     stretched = 1.2 * np.asarray(virtual.shot.channels["p_brake"].samples)

@@ -32,6 +32,7 @@ def true_force(name: str) -> tuple[np.ndarray, np.ndarray]:
     return motion.times_s, virtual.rig.mechanism.bore_area * motion.breech_pressure_pa
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", RIGS)
 def test_the_force_over_time_lies_within_its_band(name):
     _, finding = found(name)
@@ -59,6 +60,7 @@ def test_peak_and_impulse_of_both_methods_are_those_of_the_shot(name):
     assert finding.valid, finding.reasons
 
 
+@pytest.mark.whole_way
 def test_the_gauge_has_no_part_in_the_force():
     virtual, finding = found("field-2013")
     blind = without_channels(virtual.shot, "p_breech")
@@ -70,6 +72,7 @@ def test_the_gauge_has_no_part_in_the_force():
     assert any("no breech gauge" in note for note in without.notes)
 
 
+@pytest.mark.whole_way
 def test_the_stop_and_a_mass_without_uncertainty_are_told():
     virtual, finding = found("field-2013")
     assert any("battery stop" in note for note in finding.notes)
@@ -80,6 +83,7 @@ def test_the_stop_and_a_mass_without_uncertainty_are_told():
     assert wider.quantity("peak_force").u > 0.008 * wider.quantity("peak_force").value
 
 
+@pytest.mark.whole_way
 def test_a_gauge_that_reads_a_tenth_high_and_a_check_that_failed_are_reasons():
     virtual, _ = found("field-2013")
     gauge = virtual.shot.channels["p_breech"]

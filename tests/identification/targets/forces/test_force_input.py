@@ -60,6 +60,7 @@ def test_peak_and_impulse_lie_within_their_intervals():
     assert abs(peak.time_s - found.times_s[np.argmax(truth)]) < 2 * peak.u_time_s + 2e-5
 
 
+@pytest.mark.whole_way
 def test_the_camera_tells_the_accelerometers_scale():
     _, tracked = estimated()
     _, alone = estimated(tracked=False)
@@ -69,6 +70,7 @@ def test_the_camera_tells_the_accelerometers_scale():
     assert find_peak(tracked, ONSET_S).u_impulse_n_s < find_peak(alone, ONSET_S).u_impulse_n_s
 
 
+@pytest.mark.whole_way
 def test_a_lost_stretch_widens_the_band_and_nothing_else():
     part, whole = estimated()
     force = part.measured.force_n.copy()
@@ -82,6 +84,7 @@ def test_a_lost_stretch_widens_the_band_and_nothing_else():
     assert np.all(np.abs(error) < 4 * found.u_force_n[inside])
 
 
+@pytest.mark.whole_way
 def test_the_inversion_agrees_with_the_smoother_and_with_the_truth():
     part, found = estimated()
     other = inverted()

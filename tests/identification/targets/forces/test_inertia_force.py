@@ -34,6 +34,7 @@ def truth():
     return motion.times_s, forces, recoil
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", FORCES)
 def test_a_peak_lies_within_its_interval(found, truth, name):
     _, forces, recoil = truth
@@ -69,6 +70,7 @@ def test_its_mass_is_set_beside_the_shots(found):
     assert note.startswith(f"m3 {found.quantity('m3').value:.1f} kg (u ")
 
 
+@pytest.mark.whole_way
 def test_a_gauge_that_is_far_off_is_a_reason():
     weighed = weighed_shot()
     off = weighed.shot.channels["p_brake"].samples * 1.1
@@ -76,6 +78,7 @@ def test_a_gauge_that_is_far_off_is_a_reason():
     assert not found.valid
 
 
+@pytest.mark.whole_way
 def test_an_undeclared_tipping_part_is_not_made_up():
     weighed = weighed_shot()
     rig = replace(weighed.rig, mechanism=replace(weighed.rig.mechanism, m2=float("nan"), L=float("nan")))
@@ -85,6 +88,7 @@ def test_an_undeclared_tipping_part_is_not_made_up():
     assert any("does not declare m2" in note for note in found.notes)
 
 
+@pytest.mark.whole_way
 def test_a_declared_uncertainty_of_the_inertia_widens_the_moment_alone(found):
     weighed = weighed_shot()
     mechanism = replace(weighed.rig.mechanism, u={**weighed.rig.mechanism.u, "J2": 76.0})

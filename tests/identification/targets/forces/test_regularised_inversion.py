@@ -28,6 +28,7 @@ def test_a_given_weight_gives_the_regularised_normal_equations(seed, weight):
     assert found.freedom == pytest.approx(30 - np.trace(hat), rel=1e-6)
 
 
+@pytest.mark.whole_way
 def test_the_weight_by_cross_validation_predicts_nearly_as_well_as_the_best_one():
     truth, apart = smooth_truth(120), []
     for seed in range(20):

@@ -34,6 +34,7 @@ def fitted(rows: MechanismRows) -> MechanismFit:
     return fit_mechanism(rows, [], m.m3, equations=(4,), unknowns=BaseParameters(*mass_alone(m)))
 
 
+@pytest.mark.whole_way
 def test_noise_of_the_accelerometer_does_not_lower_the_mass(rows: MechanismRows) -> None:
     quiet = fitted(rows).values[0]
     moving = (rows.columns["acc"] - rows.columns["held"])[rows.recoils]

@@ -42,6 +42,7 @@ def test_its_mass_is_set_beside_the_shots(with_cells):
     assert "it rests on a lower low-pass" in note
 
 
+@pytest.mark.whole_way
 def test_a_mass_that_is_far_off_the_shots_is_not_valid():
     weighed = weighed_shot()
     case = Case(FiredShot(weighed.shot, weighed.rig))
@@ -77,6 +78,7 @@ def test_the_combinations_that_the_shot_tells_are_printed(with_cells):
     assert {row[0].split(" ")[0] for row in table.rows} >= {"m1", "m3", "J1", "J3A"}
 
 
+@pytest.mark.whole_way
 def test_without_load_cells_only_the_recoiling_mass_is_left_and_the_reason_is_said():
     weighed = weighed_shot()
     found = find(Case(FiredShot(without_channels(weighed.shot, *CELLS), weighed.rig)))
@@ -102,6 +104,7 @@ def test_the_elevating_moment_alone_tells_the_inertia_about_the_trunnion():
     assert inertia.expected == pytest.approx(truth[7] + truth[11])
 
 
+@pytest.mark.whole_way
 def test_a_load_cell_far_off_its_calibration_is_a_reason():
     weighed = weighed_shot()
     off = weighed.shot.channels["elevating_moment"].samples * 1.2
@@ -116,6 +119,7 @@ def test_a_shot_without_angular_rates_is_refused():
         find(Case(FiredShot(without_channels(weighed.shot, "gyro_tipping"), weighed.rig)))
 
 
+@pytest.mark.whole_way
 def test_load_cells_need_the_lines_along_which_loads_act():
     weighed = weighed_shot()
     rig = replace(weighed.rig, mechanism=replace(weighed.rig.mechanism, L=float("nan")))

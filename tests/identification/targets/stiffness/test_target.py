@@ -36,6 +36,7 @@ def found(name: str, factor: float = 1.0) -> Finding:
     return _FOUND[name, factor]
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_every_parameter_of_the_twin_is_within_its_interval(name):
     finding = found(name)
@@ -58,6 +59,7 @@ def test_every_derived_quantity_of_the_twin_is_within_its_interval(name):
         assert one.unit == unit
 
 
+@pytest.mark.whole_way
 def test_a_tube_that_bends_does_not_pass_for_a_soft_elevating_gear():
     """What swings at the muzzle loads the gear, and is in no rigid body's acceleration."""
     virtual = virtual_shot("mixed")
@@ -70,6 +72,7 @@ def test_a_tube_that_bends_does_not_pass_for_a_soft_elevating_gear():
     assert math.isnan(finding.quantity("k_elevating").value)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_a_softer_and_a_stiffer_elevating_gear_are_told(factor):
     one, damping = (found("field-2013", factor).quantity(symbol) for symbol in ("k_elevating", "c_elevating"))
@@ -104,6 +107,7 @@ def test_figures_and_tables_are_whole():
     assert any("lifted off" in note for note in finding.notes)
 
 
+@pytest.mark.whole_way
 def test_the_same_shot_gives_the_same_numbers():
     virtual = virtual_shot("field-2013")
     again = find(Case(FiredShot(virtual.shot, virtual.rig)))
@@ -128,6 +132,7 @@ def test_a_rig_that_does_not_declare_an_inertia_is_refused():
         find(Case(FiredShot(virtual.shot, rig)))
 
 
+@pytest.mark.whole_way
 def test_gyros_the_wrong_way_round_do_not_pass_for_a_result():
     virtual = virtual_shot("field-2013")
     names = [virtual.shot.by_role(role).name for role in ("tipping_rate", "carriage_rate")]
@@ -136,6 +141,7 @@ def test_gyros_the_wrong_way_round_do_not_pass_for_a_result():
     assert find(Case(FiredShot(turned, virtual.rig))).reasons
 
 
+@pytest.mark.whole_way
 def test_a_declared_uncertainty_of_an_inertia_is_in_the_budget():
     virtual = virtual_shot("field-2013")
     mechanism = virtual.rig.mechanism

@@ -21,6 +21,7 @@ def camera_clock(virtual):
     return next(one for one in virtual.shot.alignments if one.clock == "camera")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("soft", "accelerometer"), [(True, False), (False, True)])
 def test_a_camera_on_the_ground_that_the_rig_does_not_state_is_named(soft, accelerometer):
     virtual = ground_shot(soft=soft, sees=None, accelerometer=accelerometer)
@@ -31,6 +32,7 @@ def test_a_camera_on_the_ground_that_the_rig_does_not_state_is_named(soft, accel
     assert 'write `sees = "ground"` in its [[source]]' in str(reason)
 
 
+@pytest.mark.exhaustive
 def test_a_camera_with_the_tipping_part_of_which_the_rig_says_the_ground_is_named_too():
     clock = camera_clock(ground_shot(sees="ground", stands="tipping_part"))
     assert (clock.status, clock.details["sees"]) == ("ambiguous", "tipping_part")
@@ -46,6 +48,7 @@ def test_one_that_is_stated_has_a_clock_beyond_doubt_that_lies_where_it_does(sof
     assert abs(off_s) < 4.0 * clock.u_offset_s < 4e-5
 
 
+@pytest.mark.exhaustive
 def test_another_shots_pictures_are_no_camera_elsewhere():
     own = ground_shot(sees=None, stands="tipping_part")
     pictures = own.shot.channels["x_camera"]

@@ -3,6 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from recoil_acquisition.timebase import TimeBase
 from recoil_processing.shot.clocks.force_clocks import recoil_only
@@ -53,6 +54,7 @@ def test_a_shift_of_the_track_is_found_to_its_uncertainty():
     assert abs(before.offset_s - after.offset_s - 0.0123) < before.u_offset_s
 
 
+@pytest.mark.exhaustive
 def test_a_scale_that_no_mass_can_have_is_doubted():
     virtual = tracked_shot()
     shot = with_channels(virtual.shot, x_camera=2.0 * np.asarray(virtual.shot.channels["x_camera"].samples))

@@ -415,6 +415,7 @@ def test_all_clocks_of_a_virtual_shot_are_found_in_the_rigs_order(name, clocks):
         assert abs(a.to_reference(at_source) - true) < limit * a.u_offset_s
 
 
+@pytest.mark.exhaustive
 def test_the_camera_of_another_shot_is_noticed():
     virtual, other = virtual_shot(), virtual_shot(seed=4, peak_pressure_pa=115e6)
     strange = {**virtual.shot.channels, "x_camera": other.shot.channels["x_camera"]}

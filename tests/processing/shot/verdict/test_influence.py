@@ -44,6 +44,7 @@ def check_of(shot: Shot, role: str, check: Check) -> QualityCheck:
     return one
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_a_carriage_gyro_that_hardly_leaves_its_noise_is_a_warning_with_its_kilograms(name: str) -> None:
     virtual = virtual_shot(name)
@@ -71,6 +72,7 @@ def test_a_channel_whose_noise_moves_the_mass_is_set_aside_and_judged_as_if_it_w
     assert found.notes[0].startswith("gyro_carriage is set aside: ")
 
 
+@pytest.mark.exhaustive
 def test_a_channel_without_which_no_mass_is_valid_still_fails() -> None:
     virtual = virtual_shot("mixed")
     shot = with_noise(virtual, "tipping_rate", 20.0)
