@@ -157,9 +157,9 @@ class KeptCampaign(KeptDocument):
         """Return the file names of its page and its paper copy."""
         return CAMPAIGN_PAGE, CAMPAIGN_PDF
 
-    def own_files(self) -> set[str]:
-        """Return the names of all files of its folder that are known but for its drawings."""
-        return {self.path.name, TABLE_FILE, SCRIPT_NAME, CUTOFF_FILE}
+    def besides(self) -> tuple[Comparison, set[str]]:
+        """Name all files of its folder that are known but for its drawings."""
+        return Comparison(0, (), 0.0), {self.path.name, TABLE_FILE, SCRIPT_NAME, CUTOFF_FILE}
 
     @property
     def shots(self) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ from recoil_daq.reports.drawings import Draw, Drawings, strangers
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.identify import report_pages, reported
 from recoil_daq.reports.stored_shot import BESIDE, HEADER_FILE, LOG_FILE, RIG_FILE, StoredShot, read_stored_again
+from recoil_daq.reports.sweep import sweeps_again
 from recoil_daq.reports.targets import files_of, find_target, target_pages, target_reported
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
@@ -196,8 +197,8 @@ class KeptDocument(ABC):
         """Return the file names of its page and its paper copy."""
 
     @abstractmethod
-    def own_files(self) -> set[str] | None:
-        """Return the names of all files of its folder that are known but for its drawings; None if others may be."""
+    def besides(self) -> tuple[Comparison, set[str]] | None:
+        """Compare what else of ours stands in its folder, and name all but its drawings; None where others do that."""
 
     @abstractmethod
     def changed(self, folders: Sequence[Path]) -> Comparison:
@@ -252,10 +253,11 @@ def rows_since(path: Path, logged: Mapping[str, Mapping[str, Any] | None]) -> st
     """
     try:
         log = ShotLog.read(path)
-        now = {shot: log.row(shot) for shot in logged}
+        rows = {shot: log.row(shot) for shot in logged}
     except RecoilDaqError as error:
         return f", and at fault now: {error}"
-    others = [shot for shot, was in logged.items() if _said(was) != _said((row := now[shot]) and row.to_json())]
+    now = {shot: {} if row is None else row.to_json() for shot, row in rows.items()}
+    others = [shot for shot, was in logged.items() if _said(was) != _said(now[shot])]
     if len(logged) == 1:
         return ", and so is its row of this shot" if others else ", its row of this shot is the same"
     return f", and so are its rows of {', '.join(others)}" if others else ", its rows of these shots are the same"
@@ -309,8 +311,8 @@ class Kept(KeptDocument):
         """Return the file names of its page and its paper copy."""
         return PAGE_NAME, PDF_FILE
 
-    def own_files(self) -> set[str] | None:
-        """Return the names of all files of its folder that are compared but for its drawings, with other documents."""
+    def besides(self) -> tuple[Comparison, set[str]] | None:
+        """Draw the sweeps in its folder again, and name all files but its drawings, with those of other documents."""
         targets = [path.stem for path in targets_in(self.path.parent) if path.parent == self.path.parent]
         others = {name for target in targets for name in files_of(target)}
         figures = {
@@ -318,7 +320,8 @@ class Kept(KeptDocument):
             for target in targets
             for path in (self.path.parent / FIGURES_FOLDER).glob(f"{target}-*")
         }
-        return {self.path.name, TRACE_FILE, CURVES_FILE} | others | figures
+        swept, sweeps = sweeps_again(self.home)
+        return swept, {self.path.name, TRACE_FILE, CURVES_FILE} | others | figures | sweeps
 
     def changed(self, folders: Sequence[Path]) -> Comparison:
         """Compare files in folders with those of their names that it was made of.
@@ -455,7 +458,7 @@ class KeptTarget(Kept):
         """Return the file names of its page and its paper copy."""
         return f"{self.target}.html", f"{self.target}.pdf"
 
-    def own_files(self) -> None:
+    def besides(self) -> None:
         """Return nothing: what else stands there is the report's."""
 
 
@@ -512,8 +515,10 @@ class Recomputed:
         drawings = Drawings(home, *kept.drawn_as(), home.parent if kept.several_scripts else home, self.again.draw)
         drawn, names = drawings.compared(kept.document, self.document, exact=kept.same_computer)
         whole = self.comparison.joined(drawn).joined(kept.changed(folders))
-        own = kept.own_files()
-        return whole if own is None else whole.joined(strangers(home, {*names, *own}))
+        if (found := kept.besides()) is None:
+            return whole
+        besides, own = found
+        return whole.joined(besides).joined(strangers(home, {*names, *own}))
 
 
 def recompute(kept: KeptDocument, folders: Sequence[Path] = (), *, progress: Progress = lambda _: None) -> Recomputed:

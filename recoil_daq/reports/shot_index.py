@@ -22,10 +22,10 @@ from recoil_daq.version import __version__
 from recoil_identification.report.html import INDEX_PAGE, render_results_page
 from recoil_identification.report.page_files import write_page
 from recoil_identification.report.report_files import REPORT_FILE, read_document, write_files
+from recoil_identification.report.result_table import Row
 from recoil_identification.report.shot_index import (
     INDEX,
     INDEX_TABLE,
-    Row,
     index_document,
     logged,
     row_of_report,

@@ -8,9 +8,11 @@ from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.errors import IdentificationError, RecoilDaqError
 from recoil_acquisition.linear_algebra import on_one_thread
+from recoil_acquisition.regular_file import read_beginning, read_small
 from recoil_acquisition.shot import InputFile
+from recoil_acquisition.strict_json import read_json, told_in_one_line
 from recoil_acquisition.typed_quantity import typed_quantity
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import read_stored
@@ -18,11 +20,20 @@ from recoil_daq.terminal.result import PagedDocument, Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.document import provenance_inputs
 from recoil_identification.report.html import render_results_page
-from recoil_identification.report.report_files import json_bytes, write_files
+from recoil_identification.report.report_files import (
+    LARGEST_REPORT,
+    computer,
+    json_bytes,
+    refuse_deep,
+    seal_fault,
+    write_files,
+)
+from recoil_identification.report.reproduction import Comparison, Difference, NotCompared
+from recoil_identification.report.result_table import Row
 from recoil_identification.report.sweep import (
     OPTIONS,
+    SCHEMA,
     SWEEP,
-    Row,
     found_row,
     stem,
     sweep_document,
@@ -197,3 +208,46 @@ def sweep_shot(
 
     output.publish(folder, pages, write)
     return Swept(document, folder / page)
+
+
+@on_one_thread
+def sweeps_again(folder: Path) -> tuple[Comparison, set[str]]:
+    """Draw the sweeps of a folder again from their JSON files, and compare their pages and tables byte by byte.
+
+    Returns
+    -------
+    Comparison
+        With the names of those that hold what they should.
+    set of str
+        Names of all files of sweeps.
+    """
+    stems = [stem(key) for key in OPTIONS if (folder / f"{stem(key)}.json").is_file()]
+    whole = Comparison(0, (), 0.0)
+    for one in stems:
+        whole = whole.joined(_again(folder, one))
+    return whole, {f"{one}.{ending}" for one in stems for ending in ("json", "html", "csv")}
+
+
+def _again(folder: Path, name: str) -> Comparison:
+    path, page, table = (folder / f"{name}.{ending}" for ending in ("json", "html", "csv"))
+    try:
+        with told_in_one_line("this is no sweep that can be drawn again", path):
+            document = read_json(read_small(path, LARGEST_REPORT, "a sweep"))
+            if document["schema"] != SCHEMA:
+                raise ValueError(f"schema {document['schema']!r}")
+            refuse_deep(document)
+            fault, drawn = seal_fault(document), sweep_figures(document)
+            pages = [render_results_page(document, drawn, standalone=alone).encode() for alone in (False, True)]
+            files = {page: pages, table: [SWEEP.csv(document).encode()]}
+            here = (document["provenance"]["version"], document["provenance"]["computer"]) == (__version__, computer())
+    except RecoilDaqError as error:
+        return Comparison(0, (), 0.0, (), (NotCompared(path.name, str(error), stated=False),))
+    same = [
+        one.name for one, may in files.items() if one.is_file() and read_beginning(one, max(map(len, may)) + 1) in may
+    ]
+    others = [one for one in files if one.name not in same]
+    differences = [Difference(f"the digest of {path.name}", "that of its content", "another")] if fault else []
+    differences += [Difference(one.name, "a file", "another file") for one in others if here]
+    elsewhere = "it was drawn by another version, or on another kind of computer"
+    loose = [NotCompared(one.name, elsewhere, stated=False) for one in others if not here]
+    return Comparison(0, tuple(differences), 0.0, tuple(same), tuple(loose))

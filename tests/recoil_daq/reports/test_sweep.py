@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import pytest
 from typer.testing import Result
 
 from recoil_acquisition.errors import StoreError
-from recoil_daq.reports.sweep import MOST_VALUES, Sweep, Swept, sweep_shot
+from recoil_daq.reports.sweep import MOST_VALUES, Sweep, Swept, sweep_shot, sweeps_again
 from recoil_identification.report.html import render_results_page
 from recoil_identification.report.report_files import seal_fault
 from recoil_identification.report.sweep import SWEEP, sweep_document, sweep_figures
@@ -172,3 +173,29 @@ def test_the_mass_moves_where_it_is_off_by_more_than_its_u(mass_kg: float, moves
     assert document["at"] == 300.0
     assert ("by more than u" in document["detail"]) is moves
     assert "1 of 3" in document["detail"]
+
+
+@pytest.mark.parametrize("ending", ["html", "csv", "json"])
+def test_a_sweep_beside_a_report_is_drawn_again_and_a_changed_byte_is_told(
+    swept: Swept, tmp_path: Path, ending: str
+) -> None:
+    folder = tmp_path / "0001"
+    shutil.copytree(swept.folder, folder)
+    found, names = sweeps_again(folder)
+    assert found.again
+    assert set(found.drawings) == {"sweep_cutoff_hz.csv", "sweep_cutoff_hz.html"}
+    assert names == {path.name for path in folder.iterdir()}
+    path = folder / f"sweep_cutoff_hz.{ending}"
+    path.write_text(path.read_text("utf-8").replace("250.0" if ending != "html" else "250 Hz", "251.0"), "utf-8")
+    found, _ = sweeps_again(folder)
+    assert not found.again
+    assert any(path.name in one.key for one in found.differences)
+    (folder / "sweep_cutoff_hz.html").unlink()
+    assert "sweep_cutoff_hz.html" in [one.key for one in sweeps_again(folder)[0].differences]
+
+
+def test_what_is_no_sweep_is_named_as_not_compared(swept: Swept, tmp_path: Path) -> None:
+    (tmp_path / "sweep_cutoff_hz.json").write_text(json.dumps({**swept.document, "rows": 7}), "utf-8")
+    found, _ = sweeps_again(tmp_path)
+    assert found.again
+    assert [one.file for one in found.not_compared] == ["sweep_cutoff_hz.json"]
