@@ -41,7 +41,7 @@ def read_json(content: str | bytes, *, finite: bool = True) -> Any:
 
 @contextmanager
 def told_in_one_line(what: str, path: Path, *, expected: str = "", remedy: str = "") -> Iterator[None]:
-    """Tell what a document lacks, or has in the place of something else, whatever fails by it.
+    """Refuse a document that lacks something, or has it in the place of something else, whatever fails by it.
 
     Parameters
     ----------

@@ -234,7 +234,9 @@ def explain(
         Path of a ``report.json``, of the document of a target, of a ``campaign.json``, or the folder of a report or of
         an answer.
     key
-        Key path of what is to be explained, as `recoil_daq.reports.explanation.explain_report` takes it.
+        Key path of what is to be explained: ``mass``, ``rpe``, ``budget``, ``peaks``, ``alignment``, ``mass.u``,
+        ``peaks.breech_pressure_pa``, ``budget.packing friction``, any other key of the document. None for the first
+        five.
     shots
         Folder in which to look for the shot file, or for a campaign's reports, first.
     progress

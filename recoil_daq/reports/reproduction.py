@@ -69,7 +69,7 @@ class Ingredient:
     Attributes
     ----------
     paths
-        Where it may be now; one with its digest is taken, else the first that is there.
+        Paths at which it may be now; one with its digest is taken, else the first that is there.
     absent
         Words for its state if it is nowhere there.
     since

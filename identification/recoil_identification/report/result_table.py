@@ -152,7 +152,7 @@ class ResultTable:
 
 @dataclass(frozen=True)
 class ResultHead:
-    """What stands at the head of a page of results.
+    """The head of a page of results.
 
     Attributes
     ----------
@@ -169,7 +169,7 @@ class ResultHead:
     series_file, series_name
         Name of the table beside the page, and what is in it; None where there is none.
     embedded
-        What the script of the page is told, for the names of the pictures that it saves.
+        Document that the script of the page is given, for the names of the pictures that it saves.
     """
 
     title: str
