@@ -27,7 +27,7 @@ from recoil_identification.report.packing import packed, packed_file
 from recoil_identification.report.page_files import SCRIPT_NAME, plotly_script
 from recoil_identification.report.report_files import OWN_DIGEST, SCHEMA, SEAL, to_json
 from recoil_identification.report.result_table import ResultHead
-from recoil_identification.report.section import Section, parts_of
+from recoil_identification.report.section import parts_of
 from recoil_identification.report.sections import sections_of
 from recoil_identification.report.svg import still_svg
 
@@ -80,15 +80,9 @@ def render_page(report: Mapping[str, Any], figures: Sequence[Figure], *, standal
     if report["schema"] != SCHEMA:
         raise ValueError(f"the report's schema is {report['schema']!r}; expected {SCHEMA!r}")
     return _render(
-        "document.html",
-        report,
-        figures,
-        sections_of(report),
-        standalone=standalone,
-        head=head_of(report),
-        series_file=(report.get("trace") or {}).get("file"),
-        series_name="mass over time",
-    )
+        "document.html", report, figures, standalone=standalone, head=head_of(report),
+        series_file=(report.get("trace") or {}).get("file"), series_name="mass over time",
+    )  # fmt: skip
 
 
 def render_target_page(document: Mapping[str, Any], figures: Sequence[Figure], *, standalone: bool = False) -> str:
@@ -116,15 +110,9 @@ def render_target_page(document: Mapping[str, Any], figures: Sequence[Figure], *
         As of `render_page`.
     """
     return _render(
-        "document.html",
-        document,
-        figures,
-        sections_of(document),
-        standalone=standalone,
-        head=head_of(document),
-        series_file=(document.get("series") or {}).get("file"),
-        series_name="what was identified over time",
-    )
+        "document.html", document, figures, standalone=standalone, head=head_of(document),
+        series_file=(document.get("series") or {}).get("file"), series_name="what was identified over time",
+    )  # fmt: skip
 
 
 def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure], *, standalone: bool = False) -> str:
@@ -154,17 +142,9 @@ def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure],
         As of `render_page`.
     """
     return _render(
-        "document.html",
-        document,
-        figures,
-        sections_of(document),
-        embedded={"shot": f"campaign-{document['rig']}"},
-        standalone=standalone,
-        script=SCRIPT_NAME,
-        head=head_of(document),
-        series_file="campaign.csv",
-        series_name="the shots",
-    )
+        "document.html", document, figures, embedded={"shot": f"campaign-{document['rig']}"}, standalone=standalone,
+        script=SCRIPT_NAME, head=head_of(document), series_file="campaign.csv", series_name="the shots",
+    )  # fmt: skip
 
 
 def render_results_page(
@@ -194,14 +174,8 @@ def render_results_page(
     StoreError
         As of `render_page`.
     """
-    return _render(
-        "overview.html",
-        document,
-        figures,
-        sections_of(document),
-        standalone=standalone,
-        **asdict(_HEADS[document["schema"]](document)),
-    )
+    head = asdict(_HEADS[document["schema"]](document))
+    return _render("overview.html", document, figures, standalone=standalone, **head)
 
 
 _HEADS: dict[str, Callable[[Mapping[str, Any]], ResultHead]] = {
@@ -248,7 +222,6 @@ def _render(
     template: str,
     report: Mapping[str, Any],
     figures: Sequence[Figure],
-    sections: Sequence[Section],
     *,
     standalone: bool,
     script: str = f"../{SCRIPT_NAME}",
@@ -267,7 +240,7 @@ def _render(
         .get_template(template)
         .render(
             report=report,
-            parts=parts_of(sections, report, figures),
+            parts=parts_of(sections_of(report), report, figures),
             figures=[
                 {
                     "number": number,

@@ -26,6 +26,7 @@ from recoil_identification.report.result_table import (
     ResultTable,
     Row,
     U,
+    flat,
     half_width,
 )
 from recoil_identification.report.tables import PEAKS as ALL_PEAKS
@@ -49,7 +50,6 @@ def row_of_report(report: Document) -> Row:
     """
     mass, reasons = report["mass"], [str(one) for one in report["reasons"]]
     reasons += filter(None, [calibrations_in_words(report)])
-    low, high = (_number(limit) for limit in mass["U95"])
     log, peaks = report.get("shot_log") or {}, report.get("peaks") or {}
     state, warnings = _recording(report)
     return {
@@ -62,10 +62,7 @@ def row_of_report(report: Document) -> Row:
         "warnings": warnings,
         "valid": bool(report["valid"]),
         "reason": next(iter(reasons), None),
-        "mass_kg": _number(mass["value"]),
-        "u_kg": _number(mass["u"]),
-        "U95_low_kg": low,
-        "U95_high_kg": high,
+        **{key: _number(value) for key, value in flat(mass).items()},
         "specification_kg": _number(mass["specification"]),
         "E_n": _number(report.get("E_n")),
         "rpe_percent": _number(report["rpe_percent"]["value"]),
