@@ -7,7 +7,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError, nearest_first
-from recoil_acquisition.regular_file import check_regular, read_beginning
+from recoil_acquisition.files.regular_file import check_regular, read_beginning
 from recoil_acquisition.store import is_shot_file
 from recoil_acquisition.store.shot_log import SHOT_LOG, meant_shot, shots_beside
 

@@ -30,13 +30,14 @@ from recoil_acquisition.quantity import SI_UNITS, UNITS
 from recoil_acquisition.readers.text.layout import TextLayout
 from recoil_acquisition.readers.tracks.layout import DeclaredFeature, TrackLayout
 from recoil_acquisition.trigger import table as trigger
-from recoil_rigs import issue, knowledge
-from recoil_rigs import rig_tables as rig
-from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.mechanism_parameters import MEANINGS, MechanismModel
+from recoil_rigs.checks.rig_faults import MODEL
+from recoil_rigs.mechanism.gun import Gun
+from recoil_rigs.mechanism.mechanism_parameters import MEANINGS, MechanismModel
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import _HEAD as HEAD
 from recoil_rigs.rig import SCHEMA
-from recoil_rigs.rig_faults import MODEL
+from recoil_rigs.tables import issue, knowledge
+from recoil_rigs.tables import rig_tables as rig
 from recoil_rigs.twin.line_settings import LineSettings
 from recoil_rigs.twin.readings import Readings
 from recoil_rigs.twin.recorder_settings import RecorderSettings
@@ -310,7 +311,7 @@ def _mechanism() -> Iterable[Row]:
     yield MODEL, models, f'`"{MechanismModel.GUN}"`', "what moves: the three bodies of a gun, or one body on a line"
     defaults = {one.name: one.default for one in dataclasses.fields(Mechanism)}
     for key in Mechanism.symbols():
-        default, needed = defaults[key], key in Mechanism.required()
+        default, needed = defaults[key], key in Gun.required()
         bounds = "number > 0" if key in Mechanism.POSITIVE else "number"
         of_gun = " (of a gun)" if key in Mechanism.OF_GUN else ""
         virtual = not needed and isinstance(default, float) and math.isnan(default)

@@ -17,8 +17,8 @@ import typer
 
 from recoil_acquisition.store.shot_log import COLUMNS as COLUMNS_OF_LOG
 from recoil_daq.cli import app
-from recoil_rigs.certificate_table import COLUMNS as COLUMNS_OF_SENSORS
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
+from recoil_rigs.tables.certificate_table import COLUMNS as COLUMNS_OF_SENSORS
 from tests.builders.program_texts import program_texts
 from tests.rig_keys import page
 

@@ -15,7 +15,7 @@ from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.errors import DeviceError
 from recoil_identification.targets.target import Case
 from recoil_processing.filters import filter_alike
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -19,9 +19,9 @@ from typer.testing import CliRunner
 
 import recoil_daq
 from recoil_daq.cli import app
-from recoil_rigs.mechanism import generalized_forces, mass_matrix, velocity_terms
+from recoil_rigs.mechanism.model import generalized_forces, mass_matrix, velocity_terms
 from recoil_rigs.rig import find_rig, load_rig
-from recoil_rigs.rig_tables import ROLES
+from recoil_rigs.tables.rig_tables import ROLES
 from recoil_rigs.twin import simulate_shot
 from tests.builders.filled_drafts import filled
 from tests.builders.machine_stalls import MachineStalls

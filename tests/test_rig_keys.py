@@ -9,7 +9,7 @@ import pytest
 from recoil_acquisition.declaration import DeclaredTable
 from recoil_acquisition.devices import serial_port
 from recoil_acquisition.frames.ready_made import READY_MADE
-from recoil_rigs.rig_tables import ROLES
+from recoil_rigs.tables.rig_tables import ROLES
 from tests import rig_keys
 
 

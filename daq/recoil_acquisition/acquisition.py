@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from recoil_acquisition.declaration import STRICT, checked
-from recoil_acquisition.shot_name import check_shot_name
+from recoil_acquisition.files.shot_name import check_shot_name
 
 SCHEMA = "recoil-daq/acquisition/1"
 AT_TRIGGER = "host clock at the trigger"

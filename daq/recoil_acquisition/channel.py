@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.timebase import TimeBase
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.channel import Channel, Step
+from recoil_acquisition.clocks.one_grid import grid, read_on_grid
 from recoil_acquisition.errors import AlignmentError, ReadError, StoreError, nearest_first, system_errors_as
 from recoil_acquisition.extras import XARRAY
+from recoil_acquisition.files.regular_file import open_regular
+from recoil_acquisition.files.shot_name import check_shot_name
 from recoil_acquisition.listing import Listed, Listing
-from recoil_acquisition.one_grid import grid, read_on_grid
-from recoil_acquisition.regular_file import open_regular
 from recoil_acquisition.remark import Caution, Note, Reason, ReasonCode, Remark, findings_of
-from recoil_acquisition.shot_name import check_shot_name
 from recoil_acquisition.usability import Usability, usability
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ class InputFile:
         Raises
         ------
         ReadError
-            If it is no file that can be read to its end, as `recoil_acquisition.regular_file.open_regular` says.
+            If it is no file that can be read to its end, as `recoil_acquisition.files.regular_file.open_regular` says.
         """
         with open_regular(path) as file, system_errors_as(ReadError, path, "read"):
             digest = hashlib.file_digest(file, "sha256").hexdigest()
@@ -258,8 +258,9 @@ class Shot(Listed):
     acquisition
         Record of the live acquisition; None if there is none.
     clock_fits
-        Relation of a device's clock to the host's, by source, as `recoil_acquisition.clock_fit.ClockFit.to_json`, or,
-        of a clock that counts samples, as `recoil_acquisition.devices.tick_clock.tick_anchors`; JSON types.
+        Relation of a device's clock to the host's, by source, as
+        `recoil_acquisition.clocks.clock_fit.ClockFit.to_json`, or, of a clock that counts samples, as
+        `recoil_acquisition.devices.tick_clock.tick_anchors`; JSON types.
     against_mass
         Reasons against the shot's mass although no check failed, the first reason first.
 
@@ -359,8 +360,8 @@ class Shot(Listed):
         Parameters
         ----------
         rate_hz
-            Rate of one even grid, see `recoil_acquisition.one_grid`: what it cannot hold is taken out before. None for
-            every instant of every channel, where each row has what was sampled then, and nothing is resampled.
+            Rate of one even grid, see `recoil_acquisition.clocks.one_grid`: what it cannot hold is taken out before.
+            None for every instant of every channel, where each row has what was sampled then, and nothing is resampled.
 
         Returns
         -------

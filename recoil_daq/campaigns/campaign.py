@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.files.regular_file import read_small
+from recoil_acquisition.files.strict_json import read_json
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.recorded_file import Double, doubles
-from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.shot import InputFile
-from recoil_acquisition.strict_json import read_json
 from recoil_daq.campaigns.history import History
 from recoil_daq.campaigns.sources import CampaignLogs, CampaignReport, Outdated, SharedCutoff, Source, sources_of
 from recoil_daq.reports.forms import Forms
@@ -46,9 +46,9 @@ from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_pag
 from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf
 from recoil_identification.report.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
 from recoil_identification.shot.identified import Options
-from recoil_rigs.issue import Issue, read_header
 from recoil_rigs.rig import find_rig
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.tables.issue import Issue, read_header
+from recoil_rigs.tables.specification import mass_decimals
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
-from recoil_acquisition.regular_file import read_small
-from recoil_acquisition.strict_json import read_json, told_in_one_line
+from recoil_acquisition.files.regular_file import read_small
+from recoil_acquisition.files.strict_json import read_json, told_in_one_line
 from recoil_daq.campaigns.sources import CampaignReport
 from recoil_daq.reports.report_folder import way_to_page
 from recoil_identification.report.campaign_document import CAMPAIGN_FILE, LARGEST_ANSWER, SCHEMA

@@ -34,9 +34,9 @@ from recoil_identification.campaign.prediction import (
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.shot_summary import geometry_of
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
-from recoil_rigs.stated_uncertainty import SCALED_ROLES, with_uncertainties
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.shots.stated_uncertainty import SCALED_ROLES, with_uncertainties
 from recoil_rigs.twin import CampaignPlan, simulate_shot, virtual_settings
 from recoil_rigs.twin.draws import usual_noise
 

@@ -56,7 +56,7 @@ from recoil_identification.report.page_files import SCRIPT_NAME
 from recoil_identification.report.paper import CAMPAIGN_PDF
 from recoil_identification.report.report_files import DRAWN, REPORT_FILE
 from recoil_identification.report.reproduction import Comparison
-from recoil_rigs.issue import Issue
+from recoil_rigs.tables.issue import Issue
 
 OF_THE_RUN = frozenset({NoteCode.IDENTIFIED_ANEW, NoteCode.LOG_ROW, NoteCode.SET_ASIDE})
 """Codes of notes that tell of the run that made an answer, and that no report tells again."""

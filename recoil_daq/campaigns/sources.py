@@ -12,14 +12,14 @@ from enum import StrEnum
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError, StoreError
-from recoil_acquisition.new_file import give_name, partial_path
+from recoil_acquisition.files.new_file import give_name, partial_path
+from recoil_acquisition.files.regular_file import read_small
+from recoil_acquisition.files.strict_json import read_json, told_in_one_line
 from recoil_acquisition.recorded_file import RecordedFile
-from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store import recorded_files
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
-from recoil_acquisition.strict_json import read_json, told_in_one_line
 from recoil_daq.reports.identify import find_shot_files
 from recoil_daq.reports.reproduction import reports_in
 from recoil_daq.reports.stored_shot import BESIDE, RIG_FILE

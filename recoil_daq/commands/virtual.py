@@ -18,7 +18,7 @@ def _uncertainties(words: list[str]) -> dict[str, float]:
     if not words:  # what reads them loads numpy, and too little memory is to be told first
         return {}
     from recoil_acquisition.typed_quantity import TypedError, typed_quantity
-    from recoil_rigs.stated_uncertainty import unit_of_uncertainty
+    from recoil_rigs.shots.stated_uncertainty import unit_of_uncertainty
 
     stated: dict[str, float] = {}
     for key, text in cells_of(words).items():
@@ -227,7 +227,7 @@ def simulate(
         "friction_scatter": friction_scatter, "repeatability": repeatability, "mass_steps": mass_step,
         "configurations": configuration, "drifts": drift, "outliers": outlier,
     }  # fmt: skip
-    from recoil_acquisition.bounded_toml import typed_value
+    from recoil_acquisition.files.bounded_toml import typed_value
 
     settings = {key: typed_value(text) for key, text in cells_of(given or []).items()}
     plan = _campaign_plan({key: value for key, value in options.items() if value not in (None, [])}, shots)

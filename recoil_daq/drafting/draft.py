@@ -9,17 +9,18 @@ from types import MappingProxyType
 from typing import Any
 
 from recoil_acquisition.declaration import DeclaredTable
+from recoil_acquisition.files.shot_name import numbers_of
 from recoil_acquisition.quantity import find_unit
-from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.drafting.answer import a_symbol, a_table, one_of
 from recoil_daq.drafting.drafted_channels import DraftedChannels
 from recoil_daq.drafting.evidence import Evidence
 from recoil_daq.drafting.recorded_source import RecordedSignal, RecordedSource
 from recoil_daq.drafting.rig_draft import Entry, Question, RigDraft, Table
-from recoil_rigs.mechanism_parameters import MEANINGS, Mechanism, MechanismModel
-from recoil_rigs.plausible import bounds_of
+from recoil_rigs.checks.plausible import bounds_of
+from recoil_rigs.mechanism.mechanism_parameters import MEANINGS, MechanismModel
+from recoil_rigs.mechanism.mechanisms import MECHANISMS
 from recoil_rigs.rig import SCHEMA
-from recoil_rigs.rig_tables import SHOT_PLACE, Alignment
+from recoil_rigs.tables.rig_tables import SHOT_PLACE, Alignment
 
 TRIGGER_SHARE, REARM_SHARE = 0.2, 0.1
 """Shares of the peak at which a shot begins, and below which the trigger is armed again."""
@@ -94,7 +95,7 @@ def _mechanism(evidence: Evidence) -> Table:
     if model is MechanismModel.LINE:
         entries.append(Entry("model", "line", "one body on a line: a force moves it, and no pressure is read"))
     roles = {one.role for one in evidence.roles.by_signal.values()}
-    asked = [*Mechanism.required(model, roles)]
+    asked = [*MECHANISMS[model].required(roles)]
     # what a finished rig takes as exact is not asked for again
     if evidence.other is None or not evidence.other.takes_as_exact("friction"):
         asked.insert(asked.index("friction") + 1, "u_friction")
@@ -103,7 +104,7 @@ def _mechanism(evidence: Evidence) -> Table:
             entries.append(Entry(symbol, stated.pop(symbol), evidence.as_other))
         else:
             entries.append(Entry(symbol, _question_of(symbol, model)))
-    having = Mechanism.symbols_of(model, roles)
+    having = MECHANISMS[model].symbols_of(roles)
     for key, value in stated.items():
         if key.removeprefix("u_") in having:
             entries.append(Entry(key, value, evidence.as_other))

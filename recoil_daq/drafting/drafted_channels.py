@@ -14,10 +14,10 @@ from recoil_daq.drafting.recorded_source import PIXELS, RecordedSignal
 from recoil_daq.drafting.rig_draft import Entry, Question, Table
 from recoil_daq.drafting.role_proposal import RoleProposal, polarity_of
 from recoil_daq.drafting.role_words import GUN_ROLES, LINE_ROLES, own_part
-from recoil_rigs.certificate_table import Certificate
-from recoil_rigs.mechanism_parameters import MECHANISM, MechanismModel, stated_values
-from recoil_rigs.plausible import U_REL
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS, FORCE_ROLES, ROLES
+from recoil_rigs.checks.plausible import U_REL
+from recoil_rigs.mechanism.mechanism_parameters import MECHANISM, MechanismModel, stated_values
+from recoil_rigs.tables.certificate_table import Certificate
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS, FORCE_ROLES, ROLES
 
 MOST_UNKNOWN = 12
 """Signals without a unit that are asked for; more of them stand behind comment signs."""

@@ -15,9 +15,9 @@ from recoil_daq.drafting.other_rig import OtherRig
 from recoil_daq.drafting.recorded_source import RecordedSignal, RecordedSource, with_swing
 from recoil_daq.drafting.role_proposal import ProposedRoles, RoleProposal, propose_roles
 from recoil_daq.drafting.role_words import role_by_name
-from recoil_rigs.certificate_table import Certificate, certificate_for
-from recoil_rigs.rig_tables import ROLES
-from recoil_rigs.sensitivity import OUTPUTS, Sensitivity, output_from_text, sensitivity_from_text
+from recoil_rigs.tables.certificate_table import Certificate, certificate_for
+from recoil_rigs.tables.rig_tables import ROLES
+from recoil_rigs.tables.sensitivity import OUTPUTS, Sensitivity, output_from_text, sensitivity_from_text
 
 USUAL_NAME = "rig.toml"
 """Usual name of a rig file, which is then named after its folder."""

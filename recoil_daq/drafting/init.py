@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.bounded_toml import parse_toml
 from recoil_acquisition.errors import (
     ErrorCode,
     FramingError,
@@ -19,10 +18,11 @@ from recoil_acquisition.errors import (
     spelled,
     system_errors_as,
 )
+from recoil_acquisition.files.bounded_toml import parse_toml
+from recoil_acquisition.files.new_file import give_name, partial_path
+from recoil_acquisition.files.regular_file import check_regular
+from recoil_acquisition.files.shot_name import numbers_of
 from recoil_acquisition.linear_algebra import on_one_thread
-from recoil_acquisition.new_file import give_name, partial_path
-from recoil_acquisition.regular_file import check_regular
-from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.arguments import shot_file_error
 from recoil_daq.drafting.answer import Answer
 from recoil_daq.drafting.draft import draft_tables
@@ -38,10 +38,10 @@ from recoil_daq.drafting.rig_draft import RigDraft
 from recoil_daq.drafting.role_proposal import ProposedRoles
 from recoil_daq.recording.file_summary import is_database
 from recoil_daq.terminal.result import Printed, Progress
-from recoil_rigs.certificate_table import USUAL_NAME as TABLE_OF_CERTIFICATES
-from recoil_rigs.certificate_table import read_certificates
-from recoil_rigs.open_values import count_stated, without_open_values
-from recoil_rigs.sensitivity import OUTPUTS
+from recoil_rigs.tables.certificate_table import USUAL_NAME as TABLE_OF_CERTIFICATES
+from recoil_rigs.tables.certificate_table import read_certificates
+from recoil_rigs.tables.open_values import count_stated, without_open_values
+from recoil_rigs.tables.sensitivity import OUTPUTS
 
 _ORDER = "recoil-daq init FILES..."
 
@@ -188,7 +188,7 @@ def draft_rig(
     databases
         CAN databases.
     sensors
-        Table of certificates, see `recoil_rigs.certificate_table`.
+        Table of certificates, see `recoil_rigs.tables.certificate_table`.
     other
         Another rig file, finished or not, whose values are taken over.
     out

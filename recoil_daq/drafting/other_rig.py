@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.errors import Fault, FaultCode, ReadError, RigError
-from recoil_acquisition.regular_file import read_small
-from recoil_rigs.open_values import question_of, without_open_values
-from recoil_rigs.rig_tables import LAYOUT_KINDS, SHOT_PLACE
+from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
+from recoil_acquisition.files.regular_file import read_small
+from recoil_rigs.tables.open_values import question_of, without_open_values
+from recoil_rigs.tables.rig_tables import LAYOUT_KINDS, SHOT_PLACE
 
 Row = Mapping[str, Any]
 

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.declaration import stated_number, unit_of_key
 from recoil_acquisition.errors import ReadError, RecoilDaqError, UnknownFormatError
+from recoil_acquisition.files.regular_file import check_regular, read_beginning
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.log.record import DATA
 from recoil_acquisition.quantity import Unit, find_unit
@@ -25,8 +27,6 @@ from recoil_acquisition.readers.serial.fitting import MOST_BYTES
 from recoil_acquisition.readers.serial.frame_fields import CLOCK_FIELD
 from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from recoil_acquisition.readers.text.proposed_layout import propose_layout
-from recoil_acquisition.regular_file import check_regular, read_beginning
-from recoil_acquisition.timebase import TimeBase
 from recoil_acquisition.typed_quantity import TypedError
 from recoil_daq.drafting.answer import a_number, a_table, as_text, one_of
 from recoil_daq.drafting.other_rig import OtherRig
@@ -34,7 +34,7 @@ from recoil_daq.drafting.rig_draft import Entry, Question
 from recoil_daq.recording.file_summary import EMPTY_DATABASE
 from recoil_daq.recording.supposed_file import open_port, open_table, reader_by_shape, supposed_framing
 from recoil_processing.swing import MEAN_S, Swing, cell_means, farthest_cell, swing_of
-from recoil_rigs.plausible import OF_SOURCE
+from recoil_rigs.checks.plausible import OF_SOURCE
 from recoil_rigs.rig import read_database
 
 MOST_SAMPLES = 1 << 22

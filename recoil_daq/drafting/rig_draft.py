@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.bounded_toml import toml_key, toml_value
 from recoil_acquisition.errors import KeyPath, Row, visible
+from recoil_acquisition.files.bounded_toml import toml_key, toml_value
 from recoil_daq.drafting.answer import Read, as_toml
-from recoil_rigs.open_values import OPEN_MARK
+from recoil_rigs.tables.open_values import OPEN_MARK
 
 NO_REASONS: Mapping[KeyPath, str] = MappingProxyType({})
 _WIDTH = 44

@@ -24,8 +24,8 @@ from recoil_processing.swing import (
     roles_of_line,
     same_gauge,
 )
-from recoil_rigs.mechanism_parameters import MechanismModel
-from recoil_rigs.rig_tables import FORCE_SENSOR_ROLES
+from recoil_rigs.mechanism.mechanism_parameters import MechanismModel
+from recoil_rigs.tables.rig_tables import FORCE_SENSOR_ROLES
 
 CLEAR_LEAD = 2.0
 """Factor by which the shot must speak for a signal where its name says nothing."""

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from recoil_rigs.rig_tables import ROLES
+from recoil_rigs.tables.rig_tables import ROLES
 
 STRONG_WORD = 3
 """Weight of a word that stands for one part of the mechanism."""

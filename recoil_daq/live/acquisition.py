@@ -20,8 +20,8 @@ from recoil_daq.live.recover import recover_journal
 from recoil_daq.live.recovered import RecoveredShot
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState, free_number
 from recoil_daq.warm_worker import WarmWork, WarmWorker
-from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.live_sources import live_sources
 from recoil_rigs.twin.range_day import RangeDay, is_virtual_rig
 
 _WARM = "recoil_daq.reports.shot_mass:warm"

@@ -21,8 +21,8 @@ from recoil_acquisition.shot import Verdict
 from recoil_daq.live.sensor_range import allowed
 from recoil_daq.live.shot import losses_of, lost_anything
 from recoil_daq.live.trigger_at_rest import ConditionAtRest, conditions_at_rest
-from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.live_sources import live_sources, told_by
 from recoil_rigs.twin import simulate_shot
 from recoil_rigs.twin.player import TwinPlayer
 from recoil_rigs.twin.range_day import is_virtual_rig

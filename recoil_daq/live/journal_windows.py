@@ -18,8 +18,8 @@ from recoil_acquisition.log.record import OWN
 from recoil_acquisition.log.segment import SUFFIX
 from recoil_acquisition.trigger import Decision, ShotWindow, Trigger
 from recoil_acquisition.trigger.decision import MANUAL
-from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.live_sources import live_sources
 
 
 def extent_s(held: Mapping[str, Sequence[tuple[float, float]]]) -> tuple[float, float]:

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from recoil_acquisition.errors import StoreError, quoted
-from recoil_acquisition.file_lock import LockTakenError
+from recoil_acquisition.files.file_lock import LockTakenError
 from recoil_acquisition.log.segment import LOCK_NAME, FolderLock
 
 

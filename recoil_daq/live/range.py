@@ -15,28 +15,28 @@ from typing import Any
 from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.live_source import LiveSource, open_source
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, reserve_bytes, session_folder
+from recoil_acquisition.clocks.host_clock import anchor
 from recoil_acquisition.devices.device import Device
 from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError, quoted
-from recoil_acquisition.host_clock import anchor
-from recoil_acquisition.new_file import give_name, partial_path
+from recoil_acquisition.files.new_file import give_name, partial_path
 from recoil_acquisition.trigger import ShotWindow, Trigger
 from recoil_daq.live.device_losses import DeviceLosses
 from recoil_daq.live.display import Display
-from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.interruption import Interruption
-from recoil_daq.live.mass_work import MassWork
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range_keys import RangeKeys
 from recoil_daq.live.range_state import RangeState
 from recoil_daq.live.range_states import RangeStates
 from recoil_daq.live.rest_watch import RestWatch
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState
-from recoil_daq.live.shot_work import ShotWork
+from recoil_daq.live.shots.dropped_files import DroppedFiles
+from recoil_daq.live.shots.mass_work import MassWork
+from recoil_daq.live.shots.shot_work import ShotWork
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT
 from recoil_daq.live.trigger_decisions import PARTS_OF_REST, TriggerDecisions
 from recoil_daq.warm_worker import WarmWorker
-from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.live_sources import live_sources, told_by
 
 RESERVE_S = 60.0
 """Time of recording beside a shot, s, for which space is reserved."""

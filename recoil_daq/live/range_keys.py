@@ -10,8 +10,8 @@ from functools import partial
 from recoil_acquisition.capture.live_session import LiveSession
 from recoil_daq.live.added_mass import NOT_STATED, AddedMass, AddedMassEntry
 from recoil_daq.live.display import Display
-from recoil_daq.live.dropped_files import DroppedFiles
-from recoil_daq.live.shot_work import ShotWork
+from recoil_daq.live.shots.dropped_files import DroppedFiles
+from recoil_daq.live.shots.shot_work import ShotWork
 
 ASKED_FOR_S = 60.0
 """Time after which a question that nobody answers is taken back, s."""

@@ -9,20 +9,20 @@ from dataclasses import replace
 
 from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.status import LiveStatus
-from recoil_acquisition.host_clock import Anchor, anchor
+from recoil_acquisition.clocks.host_clock import Anchor, anchor
 from recoil_daq.live.device_losses import DeviceLosses
 from recoil_daq.live.display import Display
-from recoil_daq.live.dropped_files import DroppedFiles
-from recoil_daq.live.mass_work import MassWork
 from recoil_daq.live.range_state import OLD_S, RangeShot, RangeSource, RangeState, is_old, range_state, source_state
 from recoil_daq.live.rest_watch import RestWatch
 from recoil_daq.live.shot import LiveOptions, LiveShot
-from recoil_daq.live.shot_work import ShotWork
+from recoil_daq.live.shots.dropped_files import DroppedFiles
+from recoil_daq.live.shots.mass_work import MassWork
+from recoil_daq.live.shots.shot_work import ShotWork
 from recoil_daq.live.state_file import StateFile
 from recoil_daq.live.trigger_decisions import TriggerDecisions
-from recoil_rigs.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import Source
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
+from recoil_rigs.tables.rig_tables import Source
 from recoil_rigs.twin.range_day import is_virtual_rig
 
 CLOCK_SET_S = 2.0

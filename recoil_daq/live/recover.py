@@ -21,10 +21,10 @@ from recoil_acquisition.capture.session_record import (
 )
 from recoil_acquisition.capture.shot_record import acquisition_of
 from recoil_acquisition.errors import ReadError, RecoilDaqError, StoreError
+from recoil_acquisition.files.new_file import remove_partials
 from recoil_acquisition.log.folder import Log, find_logs, open_log
 from recoil_acquisition.log.segment import SUFFIX, is_being_written
 from recoil_acquisition.log.tally import Loss
-from recoil_acquisition.new_file import remove_partials
 from recoil_acquisition.remark import Caution, CautionCode
 from recoil_acquisition.trigger import ShotWindow, Trigger
 from recoil_daq.live.journal_windows import (

@@ -10,7 +10,7 @@ import numpy as np
 
 from recoil_acquisition.capture.engine import Level
 from recoil_acquisition.capture.status import ChannelStatus
-from recoil_daq.live.screen_cells import engineering, spelled
+from recoil_daq.terminal.engineering import engineering, spelled
 
 AFTER_S = 5.0
 """Time after a crossing, s, for which the mechanism is not expected to rest again."""

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from recoil_acquisition.capture.session_record import KINDS, LiveRecord, RecordedSource, wall_of_name
+from recoil_acquisition.clocks.host_clock import Anchor
 from recoil_acquisition.declaration import checked
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.live_kind import live_kind_of
 from recoil_acquisition.log.folder import Log
 from recoil_acquisition.log.record import OWN, Kind

@@ -7,7 +7,7 @@ import json
 import os
 from pathlib import Path
 
-from recoil_acquisition.new_file import partial_path, remove_partials
+from recoil_acquisition.files.new_file import partial_path, remove_partials
 from recoil_daq.live.range_state import RangeState
 
 NAME = "live.json"

@@ -13,12 +13,12 @@ from recoil_acquisition.errors import quoted
 from recoil_acquisition.shot import Check
 from recoil_daq.live.display import Display
 from recoil_daq.live.interruption import as_ctrl_c
-from recoil_daq.live.screen_cells import engineering
 from recoil_daq.live.trigger_at_rest import times
+from recoil_daq.terminal.engineering import engineering
 from recoil_daq.terminal.overview import print_shots
 from recoil_daq.terminal.tables import print_table, say
 from recoil_daq.terminal.verdict_line import VerdictLine
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.tables.specification import mass_decimals
 
 
 @contextmanager
@@ -28,12 +28,12 @@ def live_display(*, plain: bool, as_json: bool) -> Iterator[Display]:
     With ``as_json`` stdout is kept for the document, and the lines go to stderr.
     """
     if plain or as_json or not _draws():
-        from recoil_daq.live.plain_log import PlainLog
+        from recoil_daq.live.screen.plain_log import PlainLog
 
         with as_ctrl_c(), PlainLog(sys.stderr if as_json else sys.stdout) as log:
             yield log
         return
-    from recoil_daq.live.armed_screen import ArmedScreen
+    from recoil_daq.live.screen.armed_screen import ArmedScreen
 
     with as_ctrl_c(), ArmedScreen() as screen:
         yield screen

@@ -19,14 +19,14 @@ from recoil_acquisition.remark import Caution, Note, NoteCode, Severity, finding
 from recoil_daq.recording.ingest import explained_reader_of, match_sources
 from recoil_daq.terminal.result import Progress
 from recoil_processing.quality.limits import LIMITS
-from recoil_rigs.assemble import chain_applies, find_signal, range_si, shown_unit, si_line, unit_of
-from recoil_rigs.assumptions import assumption_notes, assumptions_of
-from recoil_rigs.calibration_day import CalibrationDay, DayOf
-from recoil_rigs.can_signals import faults_of_can_signals, shared_names
-from recoil_rigs.certificate_table import USUAL_NAME as CERTIFICATES
-from recoil_rigs.certificate_table import other_certificates
-from recoil_rigs.plausible import unusual_peak
+from recoil_rigs.checks.plausible import unusual_peak
 from recoil_rigs.rig import ChannelSpec, Rig, Source, load_rig
+from recoil_rigs.shots.assemble import chain_applies, find_signal, range_si, shown_unit, si_line, unit_of
+from recoil_rigs.shots.assumptions import assumption_notes, assumptions_of
+from recoil_rigs.shots.can_signals import faults_of_can_signals, shared_names
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
+from recoil_rigs.tables.certificate_table import USUAL_NAME as CERTIFICATES
+from recoil_rigs.tables.certificate_table import other_certificates
 
 _OF_A_FILE = ("unit", "samples", "rate_hz", "measured_in", "peak", "range")
 _AT_ONCE = 1 << 22
@@ -100,7 +100,7 @@ def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress:
     """Look for every fault of a rig, and of recorded files against it.
 
     A table of certificates that lies beside the rig file is compared with what that states: see
-    `recoil_rigs.certificate_table`.
+    `recoil_rigs.tables.certificate_table`.
 
     Parameters
     ----------

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.capture.session_record import live_record_of
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import NoFrameRateError, NoSignalError, ReadError, UnknownFormatError
 from recoil_acquisition.log.capture import Capture, read_capture
 from recoil_acquisition.readers.can.frames import key_of
@@ -18,7 +19,6 @@ from recoil_acquisition.readers.reader import Declarations, Reader
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import BY_LAYOUT, TableReader, readers
 from recoil_acquisition.remark import NoteCode
-from recoil_acquisition.timebase import TimeBase
 from recoil_daq.recording.ingest import explained_reader_of, reader_of
 from recoil_daq.recording.supposed_file import SupposedFile, supposed_file
 from recoil_rigs.rig import Rig, parse_rig, read_database

@@ -16,6 +16,8 @@ from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition
 from recoil_acquisition.capture.cut import acquisition_of_declaration
 from recoil_acquisition.channel import Step
 from recoil_acquisition.errors import CorruptFileError, ErrorCode, FileEnd, ReadError, StoreError, UnknownFormatError
+from recoil_acquisition.files.regular_file import check_regular
+from recoil_acquisition.files.shot_name import numbers_of, shot_name_fault
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.acquired_span import within_the_window
@@ -25,9 +27,7 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.serial.raw_bytes import look_into_file
 from recoil_acquisition.readers.table import BY_LAYOUT, reader_by_name, recognise
 from recoil_acquisition.recorded_file import EXCERPTS, INGEST, RecordedFile
-from recoil_acquisition.regular_file import check_regular
 from recoil_acquisition.shot import InputFile, Shot, shot_findings
-from recoil_acquisition.shot_name import numbers_of, shot_name_fault
 from recoil_acquisition.store import write_shot
 from recoil_daq.recording.doubles import made_in, refusal
 from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, DAY_OF, add_row, as_planned
@@ -37,13 +37,13 @@ from recoil_daq.version import __version__
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.mass_reasons import against_the_record
 from recoil_processing.shot.verdict.shot_quality import check_shot
-from recoil_rigs.assemble import assemble_channels, match_files
-from recoil_rigs.assumptions import assumptions_of
-from recoil_rigs.calibration_day import CalibrationDay, DayOf
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.long_recording import cut_long_recordings
 from recoil_rigs.rig import Rig, Source
-from recoil_rigs.rig_tables import SHOT_PLACE
+from recoil_rigs.shots.assemble import assemble_channels, match_files
+from recoil_rigs.shots.assumptions import assumptions_of
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.shots.long_recording import cut_long_recordings
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
+from recoil_rigs.tables.rig_tables import SHOT_PLACE
 
 
 @dataclass(frozen=True, repr=False)

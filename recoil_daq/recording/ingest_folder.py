@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ErrorCode, ReadError, RecoilDaqError, StoreError, UnknownFormatError
+from recoil_acquisition.files.shot_name import numbers_of
 from recoil_acquisition.readers.captured import LIVE
 from recoil_acquisition.shot import Verdict
-from recoil_acquisition.shot_name import numbers_of
 from recoil_acquisition.store import is_shot_file
 from recoil_acquisition.store.shot_log import SHOT_LOG
 from recoil_acquisition.usability import Usability
@@ -22,9 +22,9 @@ from recoil_daq.recording.shot_log_rows import TakenRows, add_row, take_rows
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.terminal.verdict_line import VerdictLine
 from recoil_daq.workers import Workers
-from recoil_rigs.assemble import match_files
 from recoil_rigs.rig import Rig, parse_rig
-from recoil_rigs.rig_tables import SHOT_PLACE
+from recoil_rigs.shots.assemble import match_files
+from recoil_rigs.tables.rig_tables import SHOT_PLACE
 
 _NO_FILE = "neither a file nor a folder"
 

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.regular_file import read_small
-from recoil_rigs.mechanism_parameters import MEANINGS, Mechanism, MechanismModel, stated_values
+from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
+from recoil_acquisition.files.regular_file import read_small
+from recoil_rigs.mechanism.mechanism_parameters import MEANINGS, MechanismModel, stated_values
+from recoil_rigs.mechanism.mechanisms import MECHANISMS
 from recoil_rigs.rig import find_rig
 
 
@@ -36,7 +37,7 @@ def mechanism_document(name_or_path: str | Path) -> dict[str, Any]:
         if isinstance(one, Mapping) and "role" in one
     }  # fmt: skip
     model = MechanismModel.LINE if stated.get("model") == MechanismModel.LINE else MechanismModel.GUN
-    needed = Mechanism.required(model, roles)
+    needed = MECHANISMS[model].required(roles)
     return {
         "model": model.value,
         "symbols": [
@@ -47,7 +48,7 @@ def mechanism_document(name_or_path: str | Path) -> dict[str, Any]:
                 "needed": symbol in needed,
                 "meaning": MEANINGS[symbol],
             }
-            for symbol in Mechanism.symbols_of(model, roles)
+            for symbol in MECHANISMS[model].symbols_of(roles)
         ],
     }
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError, UnknownFormatError
+from recoil_acquisition.files.regular_file import read_beginning
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations, Reader
 from recoil_acquisition.readers.recording import Recording
@@ -20,7 +21,6 @@ from recoil_acquisition.readers.serial.frame_fields import find_fields
 from recoil_acquisition.readers.serial.raw_bytes import RawBytes, look_into
 from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from recoil_acquisition.readers.text.proposed_layout import propose_layout
-from recoil_acquisition.regular_file import read_beginning
 
 _UNKNOWN_RATE_HZ = 1000.0
 """Samples per second by which signals are listed whose rate nothing tells."""

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.files.regular_file import read_small
+from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_acquisition.store import shot_summary
-from recoil_acquisition.strict_json import told_in_one_line
 from recoil_daq.reports.output import Output
 from recoil_daq.reports.report_folder import publish, refuse_existing, way_to_page
 from recoil_daq.reports.reproduction import ANEW, find_reports

@@ -13,7 +13,7 @@ from typing import Any
 
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.extras import PDF
-from recoil_acquisition.regular_file import read_beginning
+from recoil_acquisition.files.regular_file import read_beginning
 from recoil_acquisition.shot import InputFile
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.output import Pages

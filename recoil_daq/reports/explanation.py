@@ -14,7 +14,7 @@ from recoil_daq.version import __version__
 from recoil_identification.report.explanation import Entry, explained
 from recoil_identification.report.report_files import computer
 from recoil_identification.report.reproduction import ELSEWHERE, Comparison, Difference
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 
 MOST_LISTED = 1000
 """Number of differences that a document lists; all are counted."""

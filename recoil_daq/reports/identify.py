@@ -35,7 +35,7 @@ from recoil_identification.report.report_files import (
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.firing_record import curves_of
 from recoil_identification.shot.identified import Identification, Options
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.tables.specification import mass_decimals
 
 FILES = (REPORT_FILE, TRACE_FILE, CURVES_FILE, PAGE_NAME, PDF_FILE)
 """Names of a report's files; none of them is replaced unasked."""

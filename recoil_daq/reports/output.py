@@ -58,8 +58,8 @@ class Output:
     overwrite
         Whether files that are there are replaced.
     header
-        File with the identity of the reports, see `recoil_rigs.issue`, which goes before that of the rig; None for the
-        rig's alone.
+        File with the identity of the reports, see `recoil_rigs.tables.issue`, which goes before that of the rig; None
+        for the rig's alone.
     """
 
     out: Path = Path("reports")

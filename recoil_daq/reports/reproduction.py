@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
-from recoil_acquisition.regular_file import read_beginning, read_small
+from recoil_acquisition.files.regular_file import read_beginning, read_small
+from recoil_acquisition.files.strict_json import read_json, told_in_one_line
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLog, ShotLogRow
-from recoil_acquisition.strict_json import read_json, told_in_one_line
 from recoil_daq.arguments import named_report
 from recoil_daq.reports.drawings import Draw, Drawings, strangers
 from recoil_daq.reports.forms import Forms
@@ -47,7 +47,7 @@ from recoil_identification.shot.identified import Options
 from recoil_identification.targets import TARGETS, target_function
 from recoil_identification.targets.target import Case
 from recoil_identification.targets.target_document import SCHEMA as TARGET_SCHEMA
-from recoil_rigs.issue import Issue
+from recoil_rigs.tables.issue import Issue
 
 BESIDES = ("provenance.version", "provenance.computer", "provenance.outputs", f"provenance.{SEAL}")
 """Key paths of a report that are compared in another way, or state what may differ."""

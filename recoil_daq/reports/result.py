@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.extras import NOTEBOOK
+from recoil_acquisition.files.regular_file import read_small
+from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_acquisition.linear_algebra import on_one_thread
-from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.shot import InputFile, Shot
-from recoil_acquisition.strict_json import told_in_one_line
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.identify import FILES, report_pages, reported
 from recoil_daq.reports.output import Output
@@ -40,7 +40,7 @@ from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
 from recoil_rigs.rig import Rig, load_rig
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.tables.specification import mass_decimals
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -19,11 +19,11 @@ from recoil_daq.version import __version__
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.corrected_quality import judged_anew
 from recoil_processing.shot.verdict.motion_quality import against_specification
-from recoil_rigs.calibration_day import CalibrationDay, DayOf
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.issue import NOTHING_STATED, Issue, read_header
 from recoil_rigs.rig import Rig, load_rig, parse_rig
-from recoil_rigs.rig_correction import Correction, corrected_channels, corrections
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.shots.rig_correction import Correction, corrected_channels, corrections
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
+from recoil_rigs.tables.issue import NOTHING_STATED, Issue, read_header
 
 RIG_FILE = "rig file"
 """Source of a corrected rig file among the inputs of a report."""
@@ -91,7 +91,7 @@ def read_stored(
     rig_file
         Corrected rig file; None for the rig that is in the shot file.
     header
-        Header file with the identity of the report, see `recoil_rigs.issue`; None for that of the rig.
+        Header file with the identity of the report, see `recoil_rigs.tables.issue`; None for that of the rig.
     judge
         Whether the verdict is made anew where added mass or corrections change what it hangs on.
 

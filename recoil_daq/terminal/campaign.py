@@ -14,8 +14,8 @@ from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.campaign_tables import IN_U, agreement, constancy, unread_force
 from recoil_identification.report.history import HISTORY
 from recoil_identification.report.sentences import by_groups, specified
-from recoil_rigs.calibration_day import calibrations_in_words
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.tables.calibration_day import calibrations_in_words
+from recoil_rigs.tables.specification import mass_decimals
 
 MOST_STEPS = 3
 """Number of next steps that are printed."""

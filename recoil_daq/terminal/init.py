@@ -8,8 +8,8 @@ from typing import Any, Protocol, TypeVar
 
 import typer
 
-from recoil_acquisition.bounded_toml import toml_value
 from recoil_acquisition.errors import KeyPath, quoted, spelled, visible
+from recoil_acquisition.files.bounded_toml import toml_value
 from recoil_daq.terminal.tables import print_table, say
 
 

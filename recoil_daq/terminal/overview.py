@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import fixed, print_table, width_of
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.tables.specification import mass_decimals
 
 HEADINGS = {
     "shot": "shot", "fired": "fired at", "target": "target", "quantity": "first quantity", "value": "value", "u": "u",

@@ -7,7 +7,7 @@ from typing import Any
 
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import print_table, say
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.tables.specification import mass_decimals
 
 
 def print_predicted(document: Mapping[str, Any]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.overview import mass_cells, print_shots, verdict_cell
 from recoil_daq.terminal.tables import fixed, print_outcome, print_table, say
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.tables.specification import mass_decimals
 
 if TYPE_CHECKING:
     from recoil_identification.report.result_table import ResultTable
@@ -23,7 +23,7 @@ def print_masses(reports: Sequence[Mapping[str, Any]]) -> None:
     reports
         Contents of the shots' ``report.json``.
     """
-    from recoil_rigs.calibration_day import calibrations_in_words
+    from recoil_rigs.tables.calibration_day import calibrations_in_words
 
     if len(reports) < 2:
         return

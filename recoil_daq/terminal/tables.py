@@ -106,7 +106,7 @@ def print_outcome(document: Mapping[str, Any], page: Path | None) -> None:
     for note in document["notes"]:
         say(f"note: {note}")
     print_assumptions(document)
-    from recoil_rigs.calibration_day import calibrations_in_words
+    from recoil_rigs.tables.calibration_day import calibrations_in_words
 
     console, told, dated = output_console(), document["reasons"], calibrations_in_words(document)
     if not document["valid"]:
@@ -128,7 +128,7 @@ def print_outcome(document: Mapping[str, Any], page: Path | None) -> None:
 
 def print_assumptions(document: Mapping[str, Any], console: Console | None = None) -> None:
     """Print what is taken for granted, a line for each kind of it."""
-    from recoil_rigs.assumptions import assumption_lines
+    from recoil_rigs.shots.assumptions import assumption_lines
 
     for line in assumption_lines(document.get("assumptions", ())):
         say(line, console)

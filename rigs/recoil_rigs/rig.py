@@ -17,32 +17,32 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.declaration import declared_rows, unknown_keys
 from recoil_acquisition.devices.can_device import delivers_several_buses
 from recoil_acquisition.errors import Fault, FaultCode, ReadError, RigError, Row
+from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
+from recoil_acquisition.files.regular_file import check_regular, read_small
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.can.messages import CanDatabase, load_database
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.regular_file import check_regular, read_small
 from recoil_acquisition.trigger.detector import Trigger
 from recoil_acquisition.trigger.table import trigger_from_table
-from recoil_rigs.calibration_day import CalibrationDay
-from recoil_rigs.force_input import ForceInput, force_inputs
-from recoil_rigs.issue import NOTHING_STATED, Issue, checked_issue
-from recoil_rigs.knowledge import NOTHING_KNOWN, Knowledge, checked_knowledge
-from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.open_values import count_stated, without_open_values
-from recoil_rigs.plausible import implausible_values, unusual_values
-from recoil_rigs.rig_alignments import motion_channels
-from recoil_rigs.rig_faults import (
+from recoil_rigs.checks.plausible import implausible_values, unusual_values
+from recoil_rigs.checks.rig_alignments import motion_channels
+from recoil_rigs.checks.rig_faults import (
     checked_mechanism,
     faults_of_channels,
     faults_of_sources,
     faults_of_trigger,
     unstated_uncertainties,
 )
-from recoil_rigs.rig_tables import (
+from recoil_rigs.mechanism.model import Mechanism
+from recoil_rigs.tables.calibration_day import CalibrationDay
+from recoil_rigs.tables.force_input import ForceInput
+from recoil_rigs.tables.issue import NOTHING_STATED, Issue, checked_issue
+from recoil_rigs.tables.knowledge import NOTHING_KNOWN, Knowledge, checked_knowledge
+from recoil_rigs.tables.open_values import count_stated, without_open_values
+from recoil_rigs.tables.rig_tables import (
     MOTIONS,
     ROLES,
     Alignment,
@@ -58,7 +58,7 @@ from recoil_rigs.rig_tables import (
     quantities_in,
     roles_in,
 )
-from recoil_rigs.specification import Specification
+from recoil_rigs.tables.specification import Specification
 
 __all__ = [
     "MOTIONS",
@@ -186,7 +186,7 @@ class Rig(Listed):
     @cached_property
     def forces(self) -> tuple[ForceInput, ...]:
         """Measured forces, in the order of every table of forces."""
-        return force_inputs(self.mechanism, self.channels)
+        return self.mechanism.forces(self.channels)
 
     def force(self, name: str) -> ForceInput:
         """Return a measured force by its name; KeyError if there is none."""

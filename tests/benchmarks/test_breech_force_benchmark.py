@@ -11,8 +11,8 @@ import pytest
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.targets.forces.breech_force import find
 from recoil_identification.targets.target import Case
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import load_rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import draw_scene, simulate_shot
 
 SHOTS = 20

@@ -39,8 +39,8 @@ from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.sensor_priors import DISTORTIONS
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import CampaignPlan
 from tests.builders.campaigns import CHARGES, FiredCampaign, fire_campaign
 from tests.builders.shares import share

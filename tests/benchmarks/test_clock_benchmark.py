@@ -10,9 +10,9 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.shot import Shot
 from recoil_daq.recording.ingest import match_sources, reader_of
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
-from recoil_rigs.assemble import assemble_channels
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.assemble import assemble_channels
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import with_twin
 

@@ -25,7 +25,7 @@ from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import draw_scene, simulate_shot
 from tests.builders.virtual_shots import with_twin
 

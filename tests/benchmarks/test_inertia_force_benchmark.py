@@ -12,8 +12,8 @@ from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.targets.forces.inertia_force import find
 from recoil_identification.targets.parameters.inertia_forces import FORCES, UNITS, inertia_forces
 from recoil_identification.targets.target import Case
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.mechanism_regressor import Geometry, standard_parameters
+from recoil_rigs.mechanism.mechanism_regressor import Geometry, standard_parameters
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import draw_scene, simulate_shot
 from tests.builders.virtual_shots import with_twin
 

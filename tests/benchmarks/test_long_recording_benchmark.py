@@ -16,7 +16,7 @@ import pytest
 from recoil_daq import read_shot
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.long_recordings import long_dmd, triggered_rig, write_long_text
 
@@ -28,11 +28,11 @@ MOST_MEMORY_MB = 600.0
 INGEST = """
 import json, sys, time
 from pathlib import Path
-import recoil_rigs.long_recording
+import recoil_rigs.shots.long_recording
 from recoil_daq.recording.ingest import ingest_files
 from recoil_rigs.rig import load_rig
 
-recoil_rigs.long_recording.LONG_SAMPLES = min(recoil_rigs.long_recording.LONG_SAMPLES, int(sys.argv[1]))
+recoil_rigs.shots.long_recording.LONG_SAMPLES = min(recoil_rigs.shots.long_recording.LONG_SAMPLES, int(sys.argv[1]))
 begin = time.perf_counter()
 done = ingest_files(load_rig(sys.argv[2]), sys.argv[3:5], shot="long", out=sys.argv[5])
 took = time.perf_counter() - begin

@@ -23,7 +23,7 @@ from recoil_identification.rows.equation_of_motion import change, ramps
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.regression import PRESSURE_ROLES
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.range_faults import FULL_SCALE, changed, late, scaled, shifted_zero, since_fired
 from tests.builders.shares import share
 from tests.builders.virtual_shots import VirtualShot, virtual_shot

@@ -11,7 +11,7 @@ import pytest
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.targets.parameters.target import find
 from recoil_identification.targets.target import Case
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.load_cell_rigs import rig_with_load_cells
 

@@ -17,8 +17,8 @@ from recoil_identification.shot.preparation import prepare
 from recoil_identification.shot.stress_waves import find_stress_waves
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import with_twin
 

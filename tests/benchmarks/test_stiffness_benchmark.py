@@ -14,8 +14,8 @@ from recoil_identification.targets.stiffness.stiffness_budget import SYMBOLS
 from recoil_identification.targets.stiffness.support_modes import DERIVED, derived_values
 from recoil_identification.targets.stiffness.target import find
 from recoil_identification.targets.target import Case
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import load_rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from recoil_rigs.twin.settings import TwinSettings
 

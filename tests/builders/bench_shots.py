@@ -15,17 +15,17 @@ from pathlib import Path
 import numpy as np
 
 from recoil_acquisition.channel import Channel, RawCounts
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import MissingChannelError
 from recoil_acquisition.readers.recording import SignalHeader
 from recoil_acquisition.shot import Shot
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.track import Track
 from recoil_processing.double_integral import integrate
 from recoil_processing.shot.regression import Regression, build_regression
 from recoil_processing.shot.signals import Signals, collect_signals
-from recoil_rigs.assemble import assemble_channels
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
+from recoil_rigs.shots.assemble import assemble_channels
+from recoil_rigs.shots.fired_shot import FiredShot
 
 MASS_KG = 782.0
 BORE_M2, BRAKE_M2, RECUPERATOR_M2 = 0.00883, 0.0056, 0.0078

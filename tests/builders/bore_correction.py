@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recoil_rigs.flexible_tube import FlexibleTube
+from recoil_rigs.mechanism.flexible_tube import FlexibleTube
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from recoil_identification.rows.equation_of_motion import (
 )
 from recoil_identification.rows.row_noise import RowNoise
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_rigs.rig_tables import GAUGE_ROLES
+from recoil_rigs.tables.rig_tables import GAUGE_ROLES
 from tests.builders.bench_shots import bench_regression
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.bounded_toml import toml_value
+from recoil_acquisition.files.bounded_toml import toml_value
 from recoil_rigs.rig import find_rig
 
 Typed = Mapping[str, Mapping[str, Any]]

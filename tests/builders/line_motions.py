@@ -9,9 +9,9 @@ from types import MappingProxyType
 import numpy as np
 
 from recoil_acquisition.channel import Channel
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.shot import Shot
-from recoil_acquisition.timebase import TimeBase
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.line_rigs import ROLES, line_rig
 
 G_M_S2 = 9.80665

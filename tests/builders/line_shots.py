@@ -12,8 +12,8 @@ from typing import Any
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, load_rig, parse_rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot, with_settings
 from tests.builders.rig_variants import bundled_tables, toml_of
 

@@ -6,9 +6,9 @@ import struct
 from pathlib import Path
 
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSource
+from recoil_acquisition.clocks.host_clock import Anchor
 from recoil_acquisition.devices.device import CAN, SERIAL, Block
 from recoil_acquisition.frames.declaration import framing_from_table
-from recoil_acquisition.host_clock import Anchor
 from tests.builders.can_rows import pack_row
 
 DBC = """VERSION ""

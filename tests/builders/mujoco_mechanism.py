@@ -6,7 +6,7 @@ import math
 
 import mujoco
 
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 
 
 def mujoco_model(m: Mechanism, added_kg: float = 0.0) -> mujoco.MjModel:

@@ -16,16 +16,17 @@ from recoil_acquisition.acquisition import AcquiredSource, Acquisition
 from recoil_acquisition.capture.live_session import CapturedShot
 from recoil_acquisition.capture.session_record import session_folder
 from recoil_acquisition.capture.status import LiveStatus
+from recoil_acquisition.clocks.host_clock import Anchor
 from recoil_acquisition.devices.device import Block, event_block
-from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.trigger import ShotWindow
-from recoil_daq.live import dropped_files, folder_watch, range_keys, range_states, shot_work
 from recoil_daq.live import range as live_range
+from recoil_daq.live import range_keys, range_states
 from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range import LiveRange
 from recoil_daq.live.range_state import RangeState
 from recoil_daq.live.shot import LiveOptions, LiveOutcome
+from recoil_daq.live.shots import dropped_files, folder_watch, shot_work
 from recoil_rigs.rig import Rig
 from tests.builders.live_status import status
 from tests.builders.played_clock import PlayedClock

@@ -12,8 +12,8 @@ from recoil_acquisition.devices.device import Counters
 from recoil_acquisition.usability import Usability
 from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.range_state import FigureCode, RangeFigure, RangeShot, RangeSource, RangeState
-from recoil_daq.live.screen_look import Look
-from recoil_daq.live.screen_picture import picture
+from recoil_daq.live.screen.screen_look import Look
+from recoil_daq.live.screen.screen_picture import picture
 from recoil_daq.live.shot import ShotState
 from recoil_daq.terminal.verdict_line import VerdictLine
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.gun import Gun
 from recoil_rigs.rig import find_rig
 
 Tables = dict[str, Any]
@@ -43,7 +43,7 @@ def bundled_tables(name: str) -> Tables:
 def bare(tables: Tables) -> Tables:
     """Return a rig with what must be stated alone: no virtual values, nothing of a sensor but its chain, no trigger."""
     without = copy.deepcopy(tables)
-    without["mechanism"] = {name: without["mechanism"][name] for name in Mechanism.required()}
+    without["mechanism"] = {name: without["mechanism"][name] for name in Gun.required()}
     for channel in without["channel"]:
         sensor = channel.pop("sensor", {})
         channel |= {"sensor": {name: sensor[name] for name in OF_EVERY_SENSOR if name in sensor}}

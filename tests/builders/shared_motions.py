@@ -31,7 +31,7 @@ import numpy as np
 from tests.builders.processor_time import apart
 
 if TYPE_CHECKING:
-    from recoil_rigs.mechanism import Mechanism
+    from recoil_rigs.mechanism.model import Mechanism
     from recoil_rigs.twin import TwinSettings
     from recoil_rigs.twin.motion import Motion
 
@@ -140,9 +140,10 @@ def _kept_from_changes(array: np.ndarray) -> np.ndarray:
 
 def share_motions() -> None:
     """Have the virtual rig take its motions from the run's folder, where a test has imported it."""
-    twin = sys.modules.get("recoil_rigs.twin")
-    if twin is not None and FOLDER in os.environ:
-        vars(twin)["simulate_motion"] = SharedMotions(Path(os.environ[FOLDER]), in_long_steps)
+    scene = sys.modules.get("recoil_rigs.twin.gun_scene")
+    if scene is not None and FOLDER in os.environ:
+        assert "simulate_motion" in vars(scene)
+        vars(scene)["simulate_motion"] = SharedMotions(Path(os.environ[FOLDER]), in_long_steps)
 
 
 def in_long_steps(mechanism: Mechanism, settings: TwinSettings, **shot: float) -> Motion:

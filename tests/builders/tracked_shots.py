@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_acquisition.timebase import TimeBase
 from recoil_processing.alignment.align import judge_motion
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_processing.shot.kinematics import angular_motion, travel_acceleration
 from recoil_processing.shot.signals import collect_signals
-from recoil_rigs.assemble import in_si
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.assemble import in_si
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import draw_scene
 from recoil_rigs.twin.instruments import generator, sample
 from recoil_rigs.twin.motion import Motion

@@ -15,8 +15,8 @@ from recoil_acquisition.shot import Shot
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, find_rig, parse_rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.shared_motions import made_once
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.conformance import Case
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import surest_claim
-from recoil_acquisition.timebase import TimeBase
 from tests.builders import oscilloscope_texts, text_tables
 from tests.builders.lvm_files import Lvm, columns
 from tests.builders.opened_files import RECORDER, open_bytes

@@ -16,12 +16,12 @@ import pytest
 
 from recoil_acquisition import conformance
 from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.conformance import BrokenRuleError, Case
 from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import SignalHeader
-from recoil_acquisition.timebase import TimeBase
 
 ROWS = 40
 CONTENT = b"toy\n" + b"".join(b"%d\n" % (i * i % 97) for i in range(ROWS)) + b"# the end of it\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from itertools import chain
 from pathlib import Path
@@ -30,6 +31,16 @@ def test_every_package_is_built_from_its_source_root() -> None:
     assert set(targets["wheel"]["dev-mode-dirs"]) == set(found().values())
     assert set(targets["sdist"]["include"]) >= {path.split("/")[0] for path in paths}
     assert all((ROOT / path / "py.typed").exists() for path in paths)
+
+
+def test_the_map_of_the_house_names_every_room_of_every_package() -> None:
+    _, house, *_ = (ROOT / "CONTRIBUTING.md").read_text("utf-8").split("## The house\n")
+    package, drawn = "", set[str]()
+    for indent, names in re.findall(r"^(    | {8})((?:[\w/]+/ *)+)", house.split("\n## ")[0], flags=re.M):
+        package = names.strip() if len(indent) == 4 else package
+        drawn |= {package, *(f"{package}{room}" for room in names.split() if room != package)}
+    rooms = (path for one in PACKAGES for path in ROOT.glob(f"{one}/*/__init__.py"))
+    assert drawn >= {f"{one}/" for one in PACKAGES} | {f"{room.parent.relative_to(ROOT).as_posix()}/" for room in rooms}
 
 
 def test_every_source_root_is_seen_by_the_tools() -> None:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.channel import Channel, RawCounts, Step
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.quantity import SI_UNITS
-from recoil_acquisition.timebase import TimeBase
 
 BASE = TimeBase.uniform("dewetron", 0.0, 1e-3, 4)
 

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recoil_acquisition.channel import Channel, Step
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import AlignmentError, StoreError
 from recoil_acquisition.remark import Caution, Note, Reason, ReasonCode, Remark
 from recoil_acquisition.shot import Check, ClockAlignment, QualityCheck, Shot, Verdict, shot_findings
-from recoil_acquisition.timebase import TimeBase
 from recoil_acquisition.usability import Usability
 from tests.builders.shots import make_shot
 

@@ -23,14 +23,14 @@ from hypothesis.extra import numpy as npst
 
 from recoil_acquisition.acquisition import AcquiredEvent, AcquiredSource, Acquisition, TriggerDecision
 from recoil_acquisition.channel import Channel, RawCounts, Step
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import StoreError
+from recoil_acquisition.files.shot_name import shot_name_fault
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import Check, ClockAlignment, InputFile, QualityCheck, Shot
-from recoil_acquisition.shot_name import shot_name_fault
 from recoil_acquisition.store import layout, read_shot, shot_file, shot_summary, write_shot
 from recoil_acquisition.store.shot_file import first_difference, is_shot_file
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from tests.builders.shots import CLOCK_FIT, make_acquisition, make_shot, recorder_channel
 
 ENGINES = ("h5netcdf", "netcdf4")

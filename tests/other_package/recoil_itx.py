@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
-from recoil_acquisition.timebase import TimeBase
 
 _NAME = re.compile(r"'([^']+)'")
 _X_SCALE = re.compile(r'X SetScale/P x ([^,]+),([^,]+),"s", (.+)')

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples, LiveSource
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.device import STREAM, Block, Counters, EmptyLook, event_block
 from recoil_acquisition.devices.tick_clock import TickClock, tick_anchors
@@ -27,7 +28,6 @@ from recoil_acquisition.log.record import DATA
 from recoil_acquisition.readers.captured import CapturedSource
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
-from recoil_acquisition.timebase import TimeBase
 
 KIND = LiveKind(
     "lines", ("dewetron",), STREAM, f"{__name__}:LinesDevice", f"{__name__}:LinesSignals", f"{__name__}:opened",

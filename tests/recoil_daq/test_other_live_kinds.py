@@ -19,18 +19,18 @@ from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.live_source import LiveSource, open_source
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
 from recoil_acquisition.capture.status import SourceStatus
+from recoil_acquisition.clocks.host_clock import anchor
 from recoil_acquisition.devices.device import Device
 from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
 from recoil_acquisition.errors import ReadError, RigError
-from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.record import Kind
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.trigger import Edge, ShotWindow, Trigger
 from recoil_daq.recording.ingest import match_sources
-from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig, load_rig, parse_rig
+from recoil_rigs.shots.live_sources import live_sources, told_by
 from tests.builders import vendor_files
 from tests.other_package import recoil_lines
 from tests.other_package.recoil_lines import LinesDevice

@@ -9,7 +9,7 @@ import pytest
 
 from recoil_daq.campaigns.prediction import predict
 from recoil_identification.report.report_files import sealed
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import find_rig, load_rig, parse_rig
 from recoil_rigs.twin import CampaignPlan, simulate_shot
 from tests.builders.rig_variants import bare, bundled_tables, documented_rig, toml_of, with_virtual_values

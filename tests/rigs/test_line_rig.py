@@ -7,11 +7,11 @@ import math
 import pytest
 
 from recoil_acquisition.errors import FaultCode, RigError
-from recoil_rigs.assumptions import assumption_lines, assumptions_of
-from recoil_rigs.mechanism_parameters import Mechanism, MechanismModel
-from recoil_rigs.plausible import unusual_peak
+from recoil_rigs.checks.plausible import unusual_peak
+from recoil_rigs.mechanism.mechanism_parameters import Mechanism, MechanismModel
 from recoil_rigs.rig import load_rig, parse_rig
-from recoil_rigs.stated_uncertainty import stated_uncertainties
+from recoil_rigs.shots.assumptions import assumption_lines, assumptions_of
+from recoil_rigs.shots.stated_uncertainty import stated_uncertainties
 from tests.builders.line_rigs import PATH, line_rig, line_text
 
 USUAL_ROLES = ("driving_force", "resisting_force", "recoil_acceleration")

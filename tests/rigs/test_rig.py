@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import Fault, ReadError, RigError
 from recoil_acquisition.quantity import SI_UNITS
-from recoil_rigs.calibration_day import CalibrationDay, DayOf
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.gun import Gun
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import (
     ROLES,
     FixedAlignment,
@@ -26,6 +26,7 @@ from recoil_rigs.rig import (
     load_rig,
     parse_rig,
 )
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 
 FRAMING = (
     'framing = { kind = "sync", sync = "AA 55", length = { fixed = 24 }, '
@@ -878,7 +879,7 @@ def test_any_text_is_a_rig_error(text: str) -> None:
 
 
 def test_the_required_symbols_are_symbols() -> None:
-    assert set(Mechanism.required()) | Mechanism.POSITIVE <= set(Mechanism.symbols())
+    assert set(Gun.required()) | Mechanism.POSITIVE <= set(Mechanism.symbols())
 
 
 def test_a_fault_of_a_framing_is_a_fault_of_the_rig() -> None:

@@ -14,8 +14,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+from recoil_acquisition.files.strict_json import read_json
 from recoil_acquisition.frames import can_rows
-from recoil_acquisition.strict_json import read_json
 
 CAN = "can"
 """Kind of a block of rows of CAN frames, see `recoil_acquisition.frames.can_rows`."""

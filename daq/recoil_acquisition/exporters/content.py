@@ -11,14 +11,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from recoil_acquisition.bounded_toml import parse_toml
 from recoil_acquisition.channel import Channel, Step
+from recoil_acquisition.clocks.one_grid import OnGrid, grid, read_on_grid
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import StoreError, nearest_first
-from recoil_acquisition.one_grid import OnGrid, grid, read_on_grid
+from recoil_acquisition.files.bounded_toml import parse_toml
 from recoil_acquisition.shot import Shot
 from recoil_acquisition.store.channel_layout import by_time_base
 from recoil_acquisition.store.table import finite, json_text, tree_names
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 SCHEMA = "recoil-daq/export/1"
 

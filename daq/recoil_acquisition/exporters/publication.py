@@ -15,7 +15,7 @@ from recoil_acquisition.errors import ErrorCode, RecoilDaqError, StoreError, sys
 from recoil_acquisition.exporters.content import Content
 from recoil_acquisition.exporters.exporter import Exporter, Representation, exact_table, first_difference
 from recoil_acquisition.extras import EXTRAS
-from recoil_acquisition.new_file import give_name, partial_path
+from recoil_acquisition.files.new_file import give_name, partial_path
 
 Progress = Callable[[str], None]
 

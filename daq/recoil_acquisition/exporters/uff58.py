@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.exporters.content import Content, TimeBaseGroup
 from recoil_acquisition.exporters.exporter import ExportedTable, Representation
-from recoil_acquisition.timebase import TimeBase
 
 IDENTIFICATION = 80
 """Characters of an identification line."""

@@ -10,12 +10,12 @@ from typing import Any
 from weakref import WeakValueDictionary
 
 from recoil_acquisition.errors import CorruptFileError, ErrorCode, ReadError, StoreError, system_errors_as
+from recoil_acquisition.files.new_file import give_name, partial_path, remove_partials
 from recoil_acquisition.log.folder import Log, in_order
 from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind, Record, pack_json, pack_record
 from recoil_acquisition.log.scan import Damage, FileScan, first_log_id
 from recoil_acquisition.log.session import session_in
 from recoil_acquisition.log.tally import Loss, Tally
-from recoil_acquisition.new_file import give_name, partial_path, remove_partials
 
 HOLDS = "holds"
 """Key of what is added to a declaration: by source, the first and last number and the bytes of the range."""

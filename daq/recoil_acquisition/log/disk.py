@@ -19,9 +19,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from recoil_acquisition.errors import StoreError, system_errors_as
-from recoil_acquisition.file_lock import LockTakenError
+from recoil_acquisition.files.file_lock import LockTakenError
+from recoil_acquisition.files.new_file import sync_folder
 from recoil_acquisition.log.segment import FolderLock, WritingSegment, segment_name, segment_paths
-from recoil_acquisition.new_file import sync_folder
 
 
 class SegmentReserve:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import StoreError, system_errors_as
-from recoil_acquisition.file_lock import mark_path
+from recoil_acquisition.files.file_lock import mark_path
 from recoil_acquisition.log.record import HEAD_SIZE, OWN, UNNUMBERED, Kind, Record
 from recoil_acquisition.log.scan import Damage, FileScan, Head, first_log_id, is_hole
 from recoil_acquisition.log.segment import LOCK_NAME, SUFFIX, is_being_written, segment_paths

@@ -59,7 +59,7 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from recoil_acquisition.strict_json import read_json
+from recoil_acquisition.files.strict_json import read_json
 
 SCHEMA = "recoil-daq/log/1"
 

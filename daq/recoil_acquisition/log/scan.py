@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import NamedTuple
 
 from recoil_acquisition.errors import StoreError, system_errors_as
+from recoil_acquisition.files.regular_file import REGULAR_FLAGS
 from recoil_acquisition.log.record import (
     CRC,
     HEAD,
@@ -23,7 +24,6 @@ from recoil_acquisition.log.record import (
     Record,
     crc_seed,
 )
-from recoil_acquisition.regular_file import REGULAR_FLAGS
 
 PIECE = 1 << 20
 """Bytes that are read at once."""

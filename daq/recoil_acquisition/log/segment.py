@@ -9,7 +9,7 @@ import re
 import sys
 from pathlib import Path
 
-from recoil_acquisition.file_lock import LockTakenError, TakenLock, is_locked
+from recoil_acquisition.files.file_lock import LockTakenError, TakenLock, is_locked
 
 LOCK_NAME = "writer.lock"
 LONGEST_SESSION_S = 86_400.0

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from recoil_acquisition.errors import StoreError
+from recoil_acquisition.files.strict_json import read_json
 from recoil_acquisition.log.record import HEAD_SIZE, OWN, SCHEMA, Kind, Record, pack_json
-from recoil_acquisition.strict_json import read_json
 
 _PART = 400_000
 """Characters of a session in one record: as JSON within JSON they take twice the bytes at most."""

@@ -19,8 +19,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from recoil_acquisition.clocks.host_clock import anchor
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.log.disk import LogDisk
 from recoil_acquisition.log.record import (
     HEAD_SIZE,

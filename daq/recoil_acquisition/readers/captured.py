@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from recoil_acquisition.host_clock import Anchor
+from recoil_acquisition.clocks.host_clock import Anchor
 from recoil_acquisition.live_kind import LiveKind, live_kind_of
 from recoil_acquisition.log.capture import Capture
 from recoil_acquisition.log.record import DATA, Kind, Record

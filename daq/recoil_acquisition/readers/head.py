@@ -10,8 +10,8 @@ from functools import cached_property
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.files.regular_file import read_beginning
 from recoil_acquisition.readers.text_file import decode_head
-from recoil_acquisition.regular_file import read_beginning
 
 HEAD_BYTES = 65536
 """Bytes of a file that a reader sees before it says whether it claims it."""

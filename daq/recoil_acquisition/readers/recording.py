@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError, RecoilDaqError
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.overload import about_overload, find_marks, may_have_marks
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.shortage import REMEDY, is_shortage
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.track import Track
 
 T = TypeVar("T")

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel, RawCounts, Step
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.files.strict_json import read_json
 from recoil_acquisition.shot import Shot
 from recoil_acquisition.store.table import new_group, read_table, tree_names
-from recoil_acquisition.strict_json import read_json
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 CHUNK_SAMPLES = 32768
 """Samples per chunk: 256 KiB of float64, well inside HDF5's chunk cache of 1 MiB."""

@@ -25,7 +25,7 @@ NXdata, and the dimension scales of the HDF5 Dimension Scales specification for 
 Four points are decisions:
 
 - ``start_s`` and ``step_s`` stand beside a uniform ``time``, so that exactly this
-  `recoil_acquisition.timebase.TimeBase` returns.
+  `recoil_acquisition.clocks.timebase.TimeBase` returns.
 - The uncertainty of a sensor's scale is the attribute ``u_rel``, not a ``<name>_errors`` dataset.
   It is one number that all samples share: as error bars it would look like independent noise,
   and it would cost as much space as the signal.
@@ -42,6 +42,7 @@ import numpy as np
 
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.channel import Step
+from recoil_acquisition.files.strict_json import read_json
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import ClockAlignment, InputFile, QualityCheck, Shot, doubted_clocks
 from recoil_acquisition.store.channel_layout import read_channels, write_channels
@@ -54,7 +55,6 @@ from recoil_acquisition.store.table import (
     write_table,
     write_text,
 )
-from recoil_acquisition.strict_json import read_json
 from recoil_acquisition.usability import usability
 
 SCHEMA = "recoil-daq/shot/1"

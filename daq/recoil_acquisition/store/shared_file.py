@@ -30,9 +30,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from recoil_acquisition.errors import ErrorCode, ReadError, StoreError
-from recoil_acquisition.file_lock import FileLock
-from recoil_acquisition.new_file import give_name, partial_path, remove_partials
-from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.files.file_lock import FileLock
+from recoil_acquisition.files.new_file import give_name, partial_path, remove_partials
+from recoil_acquisition.files.regular_file import read_small
 
 QUIET_S = 2.0
 """Time for which others must have left a file alone before what they changed is complete."""

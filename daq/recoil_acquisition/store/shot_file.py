@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 from recoil_acquisition.acquisition import AT_TRIGGER
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import ErrorCode, ReadError, StoreError, system_errors_as
-from recoil_acquisition.new_file import give_name, partial_path
+from recoil_acquisition.files.new_file import give_name, partial_path
+from recoil_acquisition.files.regular_file import read_beginning
+from recoil_acquisition.files.shot_name import check_shot_name
 from recoil_acquisition.reader_process import EXPANSION, READER, SPARE_BYTES
 from recoil_acquisition.readers.hdf5.kind import SIGNATURE
 from recoil_acquisition.recorded_file import RecordedFile
-from recoil_acquisition.regular_file import read_beginning
 from recoil_acquisition.shot import ClockAlignment, Shot, reasons_of, shot_findings
-from recoil_acquisition.shot_name import check_shot_name
 from recoil_acquisition.store.channel_layout import signals_of, time_groups
 from recoil_acquisition.store.file_tree import Group, last_word, tree_of
 from recoil_acquisition.store.layout import (

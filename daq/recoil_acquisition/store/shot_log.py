@@ -20,7 +20,8 @@ from types import MappingProxyType
 from typing import Any
 
 from recoil_acquisition.errors import ReadError, StoreError
-from recoil_acquisition.shot_name import shot_name_fault
+from recoil_acquisition.files.shot_name import shot_name_fault
+from recoil_acquisition.files.strict_json import as_floats
 from recoil_acquisition.store.shared_file import (
     FileKind,
     LateWriting,
@@ -32,7 +33,6 @@ from recoil_acquisition.store.shared_file import (
 )
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Spreadsheet
 from recoil_acquisition.store.written_number import decimal_mark, number_in, number_to_write
-from recoil_acquisition.strict_json import as_floats
 
 SHOT_LOG = "shotlog.csv"
 COLUMNS = (

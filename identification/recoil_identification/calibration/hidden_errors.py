@@ -14,7 +14,7 @@ from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.inference.reliability import reliability
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.sensor_priors import RELEASE
-from recoil_rigs.force_input import AREAS
+from recoil_rigs.tables.force_input import AREAS
 
 ALL_FORCES = "all gauges of force together"
 ALL_LENGTHS = "accelerometer and camera together"

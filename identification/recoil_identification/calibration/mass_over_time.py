@@ -233,9 +233,9 @@ class MassConstancy:
 
     @property
     def what_changes(self) -> str:
-        """Say what may change: a body on a line has no breech chain, and a friction that hangs on place and speed."""
-        on_a_line = self.changed.block.regression.speed_m_s is not None
-        return "mass, friction or the breech chain" if not on_a_line else "mass or friction"
+        """Say what may change: what moves to and fro has no breech chain."""
+        once = self.changed.block.regression.recoils_once
+        return "mass, friction or the breech chain" if once else "mass or friction"
 
 
 def mass_over_time(calibration: Calibration) -> MassOverTime:

@@ -343,7 +343,7 @@ def with_residual(calibration: Calibration, regression: Regression) -> Calibrati
 
 def _begins_in_motion(inputs: EstimatorInputs) -> bool:
     """Return whether a body on a line moves when its record begins."""
-    return inputs.recorded.speed_m_s is not None and not math.isfinite(inputs.signals.offsets["recoil_acceleration"].u)
+    return not inputs.recorded.recoils_once and not math.isfinite(inputs.signals.offsets["recoil_acceleration"].u)
 
 
 def _u_zero_m_s2(inputs: EstimatorInputs) -> float:

@@ -22,7 +22,7 @@ from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.next_steps import NextStep, next_steps
 from recoil_identification.estimate.budget import COVERAGE_FACTOR, BudgetRow, effective_degrees_of_freedom
 from recoil_identification.estimate.rounding import in_kg
-from recoil_rigs.specification import Specification
+from recoil_rigs.tables.specification import Specification
 
 Array = NDArray[np.float64]
 
@@ -226,7 +226,7 @@ class Campaign:
 
     @property
     def normalised_error(self) -> float:
-        """E_n against it, see `recoil_rigs.specification.Specification.normalised_error`; NaN without one."""
+        """E_n against it, see `recoil_rigs.tables.specification.Specification.normalised_error`; NaN without one."""
         if self.specification is None:
             return math.nan
         return self.specification.normalised_error(self.mass.mass_kg, self.mass.u_kg)

@@ -12,7 +12,7 @@ from typing import Any
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_identification.shot.baseline import Baseline
 from recoil_identification.shot.shot_summary import ShotSummary
-from recoil_rigs.specification import Specification
+from recoil_rigs.tables.specification import Specification
 
 JUDGED_TOGETHER = "used: what speaks against it alone, all shots together judge better"
 """Sentence about a shot whose own mass is not valid, and that a campaign uses."""

@@ -18,7 +18,7 @@ from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_identification.shot.shot_summary import OF_SENSOR, OF_SHAPE, OF_STANDARD
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import BORE_FRICTION
-from recoil_rigs.force_input import AREAS
+from recoil_rigs.tables.force_input import AREAS
 
 OF_ONE_RIG: Mapping[str, ErrorSource] = MappingProxyType(
     {

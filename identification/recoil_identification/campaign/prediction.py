@@ -37,7 +37,7 @@ from recoil_identification.shot.shot_summary import (
     certified_influences,
 )
 from recoil_rigs.rig import Rig
-from recoil_rigs.stated_uncertainty import SCALED_ROLES, stated_uncertainties, with_uncertainties
+from recoil_rigs.shots.stated_uncertainty import SCALED_ROLES, stated_uncertainties, with_uncertainties
 
 SUPPOSED = Scatter(gain_rel=1.5e-4, friction_rel=0.015)
 """Scatter from shot to shot that eight shots leave possible where nothing scatters, the mean of what they say of it."""

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from recoil_rigs.specification import Specification
+from recoil_rigs.tables.specification import Specification
 
 ENOUGH = 0.95
 """Probability from which on a mass is said to conform, and its complement for one that does not."""

@@ -24,8 +24,8 @@ from recoil_identification.report.document import outputs_of
 from recoil_identification.report.report_files import DRAWN, budget_rows, computer, json_bytes, sealed, stated, to_json
 from recoil_identification.report.spreadsheet import csv_text
 from recoil_identification.rows.unread_forces import FORCE
-from recoil_rigs.calibration_day import CalibrationDay, DayOf
-from recoil_rigs.issue import NOTHING_STATED, Issue
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
+from recoil_rigs.tables.issue import NOTHING_STATED, Issue
 
 SCHEMA = "recoil-daq/campaign/1"
 CAMPAIGN_FILE = "campaign.json"

@@ -26,8 +26,8 @@ from recoil_identification.report.result_table import (
     flat,
 )
 from recoil_identification.report.sentences import by_groups, effective, specified
-from recoil_rigs.assumptions import assumption_lines
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.shots.assumptions import assumption_lines
+from recoil_rigs.tables.specification import mass_decimals
 
 LEAST_SAID = 0.005
 """Probability of a size below which it is not said."""

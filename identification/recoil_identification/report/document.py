@@ -50,10 +50,10 @@ from recoil_identification.shot.identified import Identification, Result
 from recoil_identification.shot.sensor_doubts import likeliest_sensor
 from recoil_identification.shot.stress_waves import StressWaves
 from recoil_processing.shot.error_source import ErrorSource
-from recoil_rigs.issue import NOTHING_STATED, Issue
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_correction import Correction
-from recoil_rigs.rig_tables import GAUGE_ROLES
+from recoil_rigs.shots.rig_correction import Correction
+from recoil_rigs.tables.issue import NOTHING_STATED, Issue
+from recoil_rigs.tables.rig_tables import GAUGE_ROLES
 
 METHOD_NOTES = {
     "calibrated": "acceleration on forces, both filtered alike, every sensor's scale restricted by its calibration",
@@ -289,7 +289,7 @@ def _mass_cutoff_hz(found: Identification) -> float | None:
 def _peaks(found: Identification) -> dict[str, float | None]:
     """Return the largest values of the shot; of a body on a line those of the pressures that it has not are None."""
     known: dict[str, float | None] = {**peaks_of(found)}
-    if found.route.recorded.speed_m_s is None:
+    if found.route.recorded.recoils_once:
         return known
     return dict.fromkeys((f"{role}_pa" for role in GAUGE_ROLES), None) | known
 

@@ -12,10 +12,9 @@ from recoil_acquisition.shot import Shot
 from recoil_identification.report.formulas import Formula, formula_of
 from recoil_identification.report.reproduction import parts_of, path_of
 from recoil_processing.shot.regression import PRESSURE_ROLES
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.force_input import AREAS
-from recoil_rigs.mechanism_parameters import Mechanism
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.force_input import AREAS
 
 EXPLAINED = ("mass", "rpe_percent", "conformity", "budget", "peaks", "alignment", "quantities")
 """Parts of a document that are explained where no key is given, as far as it has them."""
@@ -273,7 +272,7 @@ class _Sources:
 
     def _symbols(self, key: str, symbols: Sequence[str]) -> Sequence[str]:
         """Leave those that a row of the budget is not about, and those that the rig's model has not."""
-        having = Mechanism.symbols_of(self.rig.mechanism.model, {one.role for one in self.rig.channels})
+        having = self.rig.mechanism.symbols_of({one.role for one in self.rig.channels})
         named = [one for one in symbols if one in _ROLES_OF_AREAS and f".{_ROLES_OF_AREAS[one]}" in key]
         return [one for one in named or symbols if one in having]
 

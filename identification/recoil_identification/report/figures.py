@@ -135,7 +135,7 @@ def _force(found: Identification) -> Figure:
 
 def _made_of(regression: Regression) -> str:
     """Say what the active force is made of."""
-    if regression.speed_m_s is None:
+    if regression.recoils_once:
         return "breech force less brake, recuperator and friction"
     return "all that drives less all that resists and friction"
 

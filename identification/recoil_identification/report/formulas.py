@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
-from recoil_rigs.rig_tables import FORCE_SENSOR_ROLES, GAUGE_ROLES
+from recoil_rigs.tables.rig_tables import FORCE_SENSOR_ROLES, GAUGE_ROLES
 
 MOTION = ("recoil_acceleration", *FORCE_SENSOR_ROLES)
 OF_FORCES = ("bore_area", "brake_area", "recuperator_area", "friction", "bore_friction")

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from recoil_identification.estimate.rounding import NO_NUMBER
 from recoil_identification.report import campaign_tables, sentences, tables
 from recoil_identification.report.chosen_units import ChosenUnits
-from recoil_rigs.calibration_day import calibrations_in_words
+from recoil_rigs.tables.calibration_day import calibrations_in_words
 
 Document = Mapping[str, Any]
 Tone = Literal["ok", "doubt", "bad"]

@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.new_file import give_name, partial_path, remove_partials
+from recoil_acquisition.files.new_file import give_name, partial_path, remove_partials
 
 SCRIPT_NAME = "plotly.min.js"
 LEFT_OVER_S = 3600.0

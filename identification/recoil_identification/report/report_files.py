@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.files.regular_file import read_small
+from recoil_acquisition.files.strict_json import read_json, told_in_one_line
 from recoil_acquisition.linear_algebra import threads
-from recoil_acquisition.regular_file import read_small
-from recoil_acquisition.strict_json import read_json, told_in_one_line
 from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.shot.firing_record import CURVES, Curves
 from recoil_identification.shot.identified import Result

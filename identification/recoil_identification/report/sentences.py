@@ -10,9 +10,9 @@ from recoil_identification.calibration.methods import AS_RECORDED
 from recoil_identification.estimate.budget import MOST_DEGREES_OF_FREEDOM
 from recoil_identification.estimate.rounding import fixed, plain, signed, significant
 from recoil_processing.shot.error_source import SourceGroup
-from recoil_rigs.assumptions import assumption_lines
-from recoil_rigs.calibration_day import calibrations_in_short
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.shots.assumptions import assumption_lines
+from recoil_rigs.tables.calibration_day import calibrations_in_short
+from recoil_rigs.tables.specification import mass_decimals
 
 Report = Mapping[str, Any]
 

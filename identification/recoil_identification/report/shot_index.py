@@ -30,7 +30,7 @@ from recoil_identification.report.result_table import (
     half_width,
 )
 from recoil_identification.report.tables import PEAKS as ALL_PEAKS
-from recoil_rigs.calibration_day import calibrations_in_words
+from recoil_rigs.tables.calibration_day import calibrations_in_words
 
 SCHEMA = "recoil-daq/index/1"
 INDEX_TABLE = "index.csv"

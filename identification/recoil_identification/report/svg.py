@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.regular_file import read_beginning
+from recoil_acquisition.files.regular_file import read_beginning
 from recoil_identification.report.appearance import FIRED_COLOUR, LINE_COLOUR, Range, dash_of, hue_of
 from recoil_identification.report.figure import Figure, FloatArray, HorizontalLine, Panel, Scale, Span, Trace
 from recoil_identification.report.svg_axes import LEFT_PX, RIGHT_PX, Axes, axes_of

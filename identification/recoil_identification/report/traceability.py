@@ -11,9 +11,9 @@ from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.shot import Shot
 from recoil_identification.inference.estimate import Estimate
 from recoil_processing.shot.error_source import ErrorSource
-from recoil_rigs.mechanism_parameters import MEANINGS
+from recoil_rigs.mechanism.mechanism_parameters import MEANINGS
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import ChannelSpec, Sensor
+from recoil_rigs.tables.rig_tables import ChannelSpec, Sensor
 
 Document = dict[str, Any]
 
@@ -78,7 +78,7 @@ def sensor_of_source(source: ErrorSource, rig: Rig) -> Document:
 def constants_of(rig: Rig) -> list[Document]:
     """State the constants of the mechanism, as the rig file states them or as they are taken where it does not."""
     mechanism, found = rig.mechanism, []
-    of_model = type(mechanism).symbols_of(mechanism.model, {channel.role for channel in rig.channels})
+    of_model = mechanism.symbols_of({channel.role for channel in rig.channels})
     for symbol, meaning in MEANINGS.items():
         if symbol not in of_model:
             continue

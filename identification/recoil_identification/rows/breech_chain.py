@@ -37,10 +37,10 @@ from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.projectile import muzzle_force_n, projectile_travel_m, risen_behind
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.assemble import range_si
-from recoil_rigs.force_input import ForceInput
 from recoil_rigs.rig import ChannelSpec, Rig
-from recoil_rigs.rig_tables import GAUGE_ROLES
+from recoil_rigs.shots.assemble import range_si
+from recoil_rigs.tables.force_input import ForceInput
+from recoil_rigs.tables.rig_tables import GAUGE_ROLES
 
 Array = NDArray[np.float64]
 

@@ -35,9 +35,9 @@ from recoil_processing.shot.clocks.forced_recoil import RATE_ROLES, carriage_lac
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.assumptions import CARRIAGE_ROLES
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
+from recoil_rigs.shots.assumptions import CARRIAGE_ROLES
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 

@@ -37,11 +37,11 @@ from recoil_processing.shot.kinematics import (
     turning_as_one,
 )
 from recoil_processing.shot.regression import Regression
-from recoil_processing.shot.signals import Signals, static_value
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.force_input import ForceInput
+from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.force_input import ForceInput
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 
@@ -371,7 +371,7 @@ def _with_scale(forced: ForcedRecoil, role: str, error: float) -> AngularMotion:
         beta = motion.beta + error * integrate(motion.w2, step_s)
         return replace(motion, w2=(1.0 + error) * motion.w2, dw2=(1.0 + error) * motion.dw2, beta=beta)
     reading = motion.f_x if role == CARRIAGE_ACCELERATIONS[0] else motion.f_y
-    static = static_value(role, forced.fired.rig.mechanism) or 0.0
+    static = forced.fired.rig.mechanism.at_rest.get(role, 0.0)
     return _with_error(motion, role, error * (reading - static))
 
 

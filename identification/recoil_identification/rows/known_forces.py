@@ -35,9 +35,9 @@ from recoil_processing.shot.gauge_zero import empty_bore_s
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import of_gauge, scale_uncertainty
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.knowledge import KnownLoad, ProjectileImpulse
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.knowledge import KnownLoad, ProjectileImpulse
 
 Array = NDArray[np.float64]
 

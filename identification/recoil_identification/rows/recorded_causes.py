@@ -10,7 +10,7 @@ from recoil_identification.rows.causes import Cause, causes_of
 from recoil_identification.rows.unread_forces import unread_causes
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 
 
 def recorded_causes(

@@ -21,8 +21,8 @@ from recoil_processing.shot.clocks.force_clocks import recoil_only
 from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil, carriage_lacks, require_forces
 from recoil_processing.shot.kinematics import fused_motion, travel_and_velocity
 from recoil_processing.shot.signals import Signals, at_instants
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 

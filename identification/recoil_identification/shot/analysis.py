@@ -50,9 +50,9 @@ from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import collect_signals
 from recoil_processing.shot.thinned import THINNED_TO_HZ, thinned
 from recoil_processing.shot.verdict.influence import set_aside
-from recoil_rigs.assumptions import assumptions_of
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.rig_tables import GAUGE_ROLES
+from recoil_rigs.shots.assumptions import assumptions_of
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.rig_tables import GAUGE_ROLES
 
 INSTRUMENT_LAG_S = 2.5e-4
 """Lag, s, of the force that is the instrument of the test on bias: beyond its noise's correlation, short against the
@@ -88,7 +88,7 @@ def identify_shot(fired: FiredShot, options: Options) -> Identification:
         note = Note(NoteCode.SET_ASIDE, aside.channel, f"{aside.channel} is set aside: {aside.detail}")
         return replace(found, notes=(note, *found.notes))
     method = options.method or default_method(fired)
-    if method == "camera" and not fired.rig.mechanism.on_a_line:
+    if method == "camera" and fired.rig.mechanism.mounted:
         return _identified(route_by_camera(fired, options), fired, options)
     route = _route_by_accelerometer(fired, options, method)
     if (doubted := gauge_set_aside(route.calibration, route.signals)) is not None:
@@ -244,7 +244,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
 
 def _memory_s(route: Route, options: Options) -> float | None:
     """Return the memory of the trace: on a line a share of a stroke, unless another was asked for."""
-    if route.recorded.speed_m_s is None or options.window_s != DEFAULT_WINDOW_S:
+    if route.recorded.recoils_once or options.window_s != DEFAULT_WINDOW_S:
         return options.window_s
     return max(LONGEST_SHARE * route.recorded.stroke_s, LEAST_ROWS * route.recorded.step_s)
 

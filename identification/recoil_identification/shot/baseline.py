@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.shot.onset import LEAST_LEVEL_SAMPLES
-from recoil_processing.shot.signals import Offset, Signals, static_value
-from recoil_rigs.fired_shot import FiredShot
+from recoil_processing.shot.signals import Offset, Signals
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ def _baselines(
         return Baseline(channel, role, serial, mean, sigma, own.recorded.unit, at_rest)
 
     for role, series in signals.series.items():
-        at_rest = static_value(role, fired.rig.mechanism)
+        at_rest = fired.rig.mechanism.at_rest.get(role)
         readings: list[tuple[str, Array, Offset]] = [
             (one.channel, one.samples, one.offset) for one in signals.gauges.get(role, ())
         ]

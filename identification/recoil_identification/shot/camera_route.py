@@ -18,8 +18,8 @@ from recoil_processing.shot.kinematics import AngularMotion, kinematic_accelerat
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 
 LARGEST_CUTOFF_HZ = 100.0
 """Frame noise of 0.05 mm at 6000 frames/s is 25 m/s^2 of acceleration below 300 Hz, 1.6 m/s^2 below 100 Hz."""

@@ -20,7 +20,7 @@ from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.forced_recoil import missing_forces
 from recoil_processing.shot.regression import MASS_ROLES, PRESSURE_ROLES
 from recoil_processing.shot.signals import collect_signals
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 
 LONGEST_GAP_S = 1e-3
 """Longest gap of lost frames that is bridged, s: a tenth of the low-pass's period, over which a travel bends less than

@@ -7,8 +7,8 @@ from types import MappingProxyType
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.calibration.methods import Method
-from recoil_processing.shot.motion_role import motion_lacks, motion_role, roles_of_motion
-from recoil_rigs.fired_shot import FiredShot
+from recoil_processing.shot.motion_role import motion_lacks, motion_role
+from recoil_rigs.shots.fired_shot import FiredShot
 
 DEFAULTS: Mapping[str, Method] = MappingProxyType(
     {"recoil_acceleration": "calibrated", "recoil_displacement": "camera"}
@@ -35,9 +35,9 @@ def default_method(fired: FiredShot) -> Method:
     """
     role = motion_role(fired)
     if role is not None:
-        return "calibrated" if fired.rig.mechanism.on_a_line else DEFAULTS[role]
+        return DEFAULTS[role] if fired.rig.mechanism.mounted else "calibrated"
     raise IdentificationError(
-        ", and ".join(motion_lacks(fired, one) for one in roles_of_motion(fired)),
+        ", and ".join(motion_lacks(fired, one) for one in fired.rig.mechanism.motion_roles),
         expected="an accelerometer on the recoiling part, or a camera that follows it, and the forces",
         found=", ".join(c.role for c in fired.shot.channels.values() if c.role) or "no roles",
         remedy="add its file, or declare its role in the rig file",

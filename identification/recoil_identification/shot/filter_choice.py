@@ -23,7 +23,7 @@ from recoil_processing.shot.thinned import thinned_beside
 from recoil_processing.spectra.campaign_cutoff import campaign_cutoff
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_processing.spectra.spectral_gap import ShotSpectrum, shot_spectrum
-from recoil_rigs.rig_tables import FORCE_ROLES
+from recoil_rigs.tables.rig_tables import FORCE_ROLES
 
 Basis = Literal["given", "shot", "campaign", "default"]
 
@@ -134,7 +134,7 @@ def mass_filter(
     band_hz = (None if lost else force_band_hz(recorded)) or math.inf
     most_hz = min(band_hz, choice.low_pass.cutoff_hz, tube_hz)
     coherent = coherent_hz(recorded, most_hz)
-    if recorded.speed_m_s is not None:
+    if not recorded.recoils_once:
         # a force that stays the same throughout has its energy at nothing, and the rows must be enough all the same
         coherent = min(max(coherent, ROWS_OF_A_STROKE / (2.0 * recorded.stroke_s)), choice.low_pass.cutoff_hz)
     return LowPass(coherent, choice.low_pass.half_order)
@@ -172,7 +172,7 @@ def coherent_hz(recorded: Regression, most_hz: float) -> float:
 def force_band_hz(recorded: Regression) -> float | None:
     """Return the frequency below which the force has nearly all its energy; None where it has it in one bin."""
     times_s, force = recorded.times_s, np.where(np.isfinite(recorded.force_n), recorded.force_n, 0.0)
-    if recorded.speed_m_s is None:  # noise beyond all that a recoil's force can be would count as energy of it
+    if recorded.recoils_once:  # noise beyond all that a recoil's force can be would count as energy of it
         times_s, force = thinned_beside(times_s, force)
     force = force[(times_s >= recorded.interval_s[0]) & (times_s <= recorded.interval_s[1])]
     energy = np.cumsum(np.abs(np.fft.rfft(force, 4 * force.size)) ** 2)
@@ -239,7 +239,7 @@ def choose_filter(
         return FilterChoice(LowPass(most_hz, said.half_order), basis, said, reason)
     why = "the record allows no spectrum" if said is None else said.reason
     # a pulse on a line may be far shorter than a gun's
-    band_hz = (force_band_hz(recorded) or 0.0) if recorded.speed_m_s is not None else 0.0
+    band_hz = 0.0 if recorded.recoils_once else force_band_hz(recorded) or 0.0
     cutoff_hz = min(
         max(DEFAULT_CUTOFF_HZ, BANDS_OF_A_LINE * band_hz), most_hz, LARGEST_SHARE_OF_RATE * recorded.rate_hz
     )

@@ -54,7 +54,7 @@ def peaks_of(found: Identification) -> dict[str, float]:
     t0, t1 = recorded.interval_s
     peaks = {f"{role}_pa": _largest(signals.series[role][inside]) for role in PRESSURE_ROLES if role in signals.series}
     velocity, travel, drives = found.route.velocity_m_s[inside], found.route.travel_m[inside], [0]
-    if recorded.speed_m_s is not None:
+    if not recorded.recoils_once:
         velocity, travel = np.abs(velocity), travel - np.min(travel, initial=np.inf)
         drives = [column for column, sign in enumerate(recorded.signs) if sign > 0]
     peaks |= {

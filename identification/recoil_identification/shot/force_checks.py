@@ -12,7 +12,7 @@ from recoil_identification.rows.known_forces import known_forces
 from recoil_identification.rows.sensor_priors import part_of_scale
 from recoil_processing.shot.sensor_scales import of_gauge
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 
 
 @dataclass(frozen=True)

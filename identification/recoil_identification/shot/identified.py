@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.files.strict_json import as_floats
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note, Reason
 from recoil_acquisition.shot import ClockAlignment
-from recoil_acquisition.strict_json import as_floats
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.chain_suspicion import ChainSuspicion
 from recoil_identification.calibration.mass_over_time import MassConstancy, MassOverTime
@@ -37,7 +37,7 @@ from recoil_processing.quality.repeatability import ShotPeaks
 from recoil_processing.shot.error_source import ErrorSource
 from recoil_processing.shot.regression import spaced_rows
 from recoil_processing.spectra.cutoff import CutoffChoice
-from recoil_rigs.specification import Specification
+from recoil_rigs.tables.specification import Specification
 
 Array = NDArray[np.float64]
 DEFAULT_WINDOW_S = 0.02
@@ -164,7 +164,7 @@ class Identification(ReadOnlyArrays):
     reasons
         Reasons for which the result is not valid; empty if it is.
     assumptions
-        Assumptions where the rig file does not say otherwise, see `recoil_rigs.assumptions`.
+        Assumptions where the rig file does not say otherwise, see `recoil_rigs.shots.assumptions`.
     force_checks
         Checks of the gauges against what is known beside their certificates.
     notes
@@ -261,7 +261,7 @@ class Identification(ReadOnlyArrays):
 
     @property
     def normalised_error(self) -> float:
-        """E_n against the specification, see `recoil_rigs.specification.Specification.normalised_error`."""
+        """E_n against the specification, see `recoil_rigs.tables.specification.Specification.normalised_error`."""
         estimate = self.chosen.estimate
         return self.specification.normalised_error(estimate.mass_kg, estimate.u_kg)
 
@@ -289,7 +289,7 @@ class Identification(ReadOnlyArrays):
                 "shot log"
             )
         scales = ["the scale of the breech gauge or the bore area", "what no gauge reads in bore and brake"]
-        if self.route.recorded.speed_m_s is not None:
+        if not self.route.recorded.recoils_once:
             scales = ["the scale of what drives", "what no gauge reads of what resists"]
         if self.route.method == "camera":
             scales.append("that of the camera")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +29,11 @@ from recoil_processing.shot.kinematics import (
 from recoil_processing.shot.line_motion import LineMotion
 from recoil_processing.shot.line_regression import line_motion, line_regression
 from recoil_processing.shot.regression import Regression, build_regression
-from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
-from recoil_rigs.fired_shot import FiredShot
+from recoil_processing.shot.signals import Signals, at_instants, collect_signals
+from recoil_rigs.mechanism.line import Line
+from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 from recoil_rigs.rig import MotionAlignment, RedundantAlignment
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 
@@ -108,9 +111,11 @@ def prepare(fired: FiredShot) -> Prepared:
     IdentificationError
         If an acceleration or a pressure is missing, or the record shows no recoil.
     """
-    alignments = {a.clock: a for a in fired.shot.alignments}
-    if fired.rig.mechanism.on_a_line:
-        return _on_a_line(fired, alignments)
+    return _prepared(fired.rig.mechanism, fired, {a.clock: a for a in fired.shot.alignments})
+
+
+@singledispatch
+def _prepared(mechanism: Mechanism, fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Prepared:
     if "recoil_acceleration" not in fired.roles:
         raise IdentificationError(
             "no channel of role recoil_acceleration",
@@ -134,7 +139,7 @@ def prepare(fired: FiredShot) -> Prepared:
     seen = seen_acceleration(signals, fired.rig, motion) if fired.rig.camera_on_ground else along
     fused = fused_motion(signals, seen, camera, camera_clock, along if fired.rig.camera_on_ground else None)
     travel, velocity = travel_and_velocity(fused, along, signals.step_s)
-    static = static_value("recoil_acceleration", fired.rig.mechanism) or 0.0
+    static = mechanism.at_rest["recoil_acceleration"]
     inertial = inertial_acceleration(signals, fired.rig, motion)
     return Prepared(
         alignments=alignments,
@@ -147,15 +152,16 @@ def prepare(fired: FiredShot) -> Prepared:
         travel_m=travel,
         velocity_m_s=velocity,
         fused=fused,
-        recorded=build_regression(signals, fired.rig.mechanism, inertial, velocity, static),
+        recorded=build_regression(signals, mechanism, inertial, velocity, static),
         inertial_m_s2=inertial,
         static_m_s2=static,
     )
 
 
-def _on_a_line(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Prepared:
+@_prepared.register
+def _prepared_of_line(mechanism: Line, fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Prepared:
     signals = collect_signals(fired, alignments)
-    static = static_value("recoil_acceleration", fired.rig.mechanism) or 0.0
+    static = mechanism.at_rest["recoil_acceleration"]
     line = line_motion(signals, fired.rig)
     acceleration = bridge(line.acceleration_m_s2, otherwise=static) - static
     return Prepared(

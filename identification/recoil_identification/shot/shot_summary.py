@@ -35,10 +35,10 @@ from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import of_gauge
-from recoil_rigs.force_input import ForceInput
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import ChannelSpec, Rig
-from recoil_rigs.rig_tables import FORCE_ROLES
+from recoil_rigs.tables.force_input import ForceInput
+from recoil_rigs.tables.rig_tables import FORCE_ROLES
 
 Array = NDArray[np.float64]
 

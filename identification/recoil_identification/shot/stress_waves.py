@@ -8,7 +8,7 @@ from recoil_identification.shot.filter_choice import FilterChoice
 from recoil_processing.shot.signals import Signals
 from recoil_processing.spectra.cutoff import CutoffChoice, refusal
 from recoil_processing.stress_waves.stress_wave import StressWaveReport, strip_stress_waves
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 
 RINGING_ROLES = {
     "recoil_acceleration": "acceleration",

@@ -37,9 +37,9 @@ from recoil_processing.shot.verdict.mass_reasons import (
     lost_share,
     unused_channels,
 )
-from recoil_rigs.assumptions import CARRIAGE_ROLES
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.assumptions import CARRIAGE_ROLES
+from recoil_rigs.shots.fired_shot import FiredShot
 
 LEAST_SHARE = 0.5
 """Share of identified samples below which the trace does not describe the shot."""
@@ -125,7 +125,7 @@ def reasons_against_record(
         *against_losses(fired.shot, lost_share(filtered)),
     ]
     # a body on a line coasts between its drives, and nothing tells a mass then
-    if trace.share < LEAST_SHARE and not fired.rig.mechanism.on_a_line:
+    if trace.share < LEAST_SHARE and fired.rig.mechanism.recoils_once:
         text = f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
         reasons.append(Reason(ReasonCode.TRACE, "shot", text))
     return reasons
@@ -136,7 +136,7 @@ def _against_the_rate(recorded: Regression) -> Iterator[Reason]:
 
     What moves on a line already is driven by what stops it.
     """
-    acts = recorded.force_n > 0 if recorded.speed_m_s is None else recorded.force_n != 0
+    acts = recorded.force_n > 0 if recorded.recoils_once else recorded.force_n != 0
     driving = int(np.count_nonzero(recorded.inside & acts))
     if driving < SUSTAINED:
         text = (
@@ -306,11 +306,11 @@ def notes_on(fired: FiredShot, route: Route, trace: MassTrace) -> tuple[Note, ..
         for role in CARRIAGE_ROLES
         if role not in signals.series and fired.rig.by_role(role) is not None
     ]
-    if recorded.interval_s[1] >= recorded.times_s[-1] and recorded.speed_m_s is None:
+    if recorded.interval_s[1] >= recorded.times_s[-1] and recorded.recoils_once:
         text = "the record ends before the recoil does: the interval ends with it"
         notes.append(Note(NoteCode.RECORD_END, None, text))
     size = route.calibration.noise.size
-    if signals.baseline_s[0] == signals.baseline_s[1] and recorded.speed_m_s is not None:
+    if signals.baseline_s[0] == signals.baseline_s[1] and not recorded.recoils_once:
         text = (
             "the record begins in motion: the noise at rest is that of its quietest part, and the zero of an "
             "accelerometer is known as its `u_zero_rel` says, to 1 % of its range if left out"

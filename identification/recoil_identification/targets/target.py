@@ -21,8 +21,8 @@ from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.preparation import Prepared, prepare
 from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES
 from recoil_processing.shot.verdict.mass_reasons import failed_checks
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.rig_tables import GAUGE_ROLES
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.rig_tables import GAUGE_ROLES
 
 LARGEST_APART = 3.0
 """Standard uncertainties of both by which a target's mass may differ from the shot's, whose data it shares."""
@@ -114,7 +114,7 @@ class Case:
             Naming every role that is missing.
         """
         missing = [role for role in roles if self.fired.shot.by_role(role) is None]
-        if missing and self.fired.rig.mechanism.on_a_line:
+        if missing and not self.fired.rig.mechanism.mounted:
             raise IdentificationError(
                 f"{purpose}: is found of a gun, and the rig is one of a body on a line",
                 expected=", ".join(roles),

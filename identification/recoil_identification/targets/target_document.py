@@ -18,9 +18,9 @@ from recoil_identification.report.report_files import DRAWN, computer, json_byte
 from recoil_identification.report.traceability import channels_of, constants_of, rig_of
 from recoil_identification.shot.identified import Options
 from recoil_identification.targets.finding import Finding, Quantity, Series
-from recoil_rigs.issue import NOTHING_STATED, Issue
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_correction import Correction
+from recoil_rigs.shots.rig_correction import Correction
+from recoil_rigs.tables.issue import NOTHING_STATED, Issue
 
 SCHEMA = "recoil-daq/target/1"
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.timebase import usual_step_s
+from recoil_acquisition.clocks.timebase import usual_step_s
 from recoil_processing.filters.analog_filter import AnalogLowPass
 
 Array = NDArray[np.float64]

@@ -32,7 +32,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.timebase import usual_step_s
+from recoil_acquisition.clocks.timebase import usual_step_s
 from recoil_processing.alignment.correlation import CoarseLag, coarse_lag
 from recoil_processing.alignment.dropped_frames import find_frame_faults
 from recoil_processing.alignment.frame_fault import FrameFault, correct_times

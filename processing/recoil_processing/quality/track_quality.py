@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import usual_step_s
 from recoil_acquisition.readers.tracks.rest import rest_repeats
-from recoil_acquisition.timebase import usual_step_s
 from recoil_processing.noise import hiding_resolution, noise_sigma, robust_sigma
 from recoil_processing.quality.frame_checks import MOVING_SIGMA
 from recoil_processing.quality.limits import LIMITS, Outcome

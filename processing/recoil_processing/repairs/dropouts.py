@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import rounded_step_s, usual_step_s
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.timebase import rounded_step_s, usual_step_s
 from recoil_processing.gaps import runs_of
 from recoil_processing.repairs.repair import Repair, RepairKind
 

@@ -24,8 +24,8 @@ from recoil_processing.repairs.droop import invert_droop
 from recoil_processing.repairs.dropouts import find_drop_outs
 from recoil_processing.repairs.hum import subtract_hum
 from recoil_processing.repairs.repair import Repair, Repaired
-from recoil_rigs.assemble import range_si, shown_unit
 from recoil_rigs.rig import ChannelSpec
+from recoil_rigs.shots.assemble import range_si, shown_unit
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
+from recoil_acquisition.clocks.timebase import TimeBase, rounded_step_s
 from recoil_acquisition.frames.count_cycle import CountCycle, find_cycle
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.time.counted_beat import frame_numbers
 from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_acquisition.timebase import TimeBase, rounded_step_s
 from recoil_processing.alignment.aliasing import USUAL_ORDER
 from recoil_processing.alignment.alignment_budget import with_uncertainty
 from recoil_processing.alignment.delays import (
@@ -35,8 +35,8 @@ from recoil_processing.alignment.delays import (
 )
 from recoil_processing.alignment.stamps import EvenStamps, even_stamps, share_at_stamps
 from recoil_processing.filters.analog_filter import AnalogLowPass
-from recoil_rigs.fired_shot import FiredChannel, FiredShot
 from recoil_rigs.rig import ChannelSpec, Sensor, Source
+from recoil_rigs.shots.fired_shot import FiredChannel, FiredShot
 
 Array = NDArray[np.float64]
 

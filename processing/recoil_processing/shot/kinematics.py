@@ -11,7 +11,6 @@ carriage's motion.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,15 +28,14 @@ from recoil_processing.motion.fusion import FusedMotion, fuse
 from recoil_processing.noise import noise_sigma
 from recoil_processing.repairs.bridged_gaps import bridge_errors
 from recoil_processing.shot.signals import Signals, on_grid
-from recoil_rigs.mechanism import (
+from recoil_rigs.mechanism.model import (
     Mechanism,
     ground_acceleration,
-    relative_acceleration,
     specific_acceleration_inertial,
     specific_acceleration_kinematic,
 )
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -91,10 +89,10 @@ class AngularMotion(ReadOnlyArrays):
 def angular_motion(signals: Signals, rig: Rig) -> AngularMotion:
     """Collect the angular motion and the carriage's specific force; gaps are bridged for these small terms.
 
-    A body on a line has neither.
+    What is not mounted has neither.
     """
     mechanism = rig.mechanism
-    if mechanism.on_a_line:
+    if not mechanism.mounted:
         return still(signals.times_s.size)
     low_pass = LowPass(min(ANGULAR_CUTOFF_HZ, 0.1 * signals.rate_hz))
     w1, w2 = (bridge(signals.get(role), otherwise=0.0) for role in ("carriage_rate", "tipping_rate"))
@@ -121,7 +119,7 @@ def angular_motion(signals: Signals, rig: Rig) -> AngularMotion:
 
 
 def still(count: int) -> AngularMotion:
-    """Return the motion of what nothing turns, of so many samples: a body on a line rides on no carriage."""
+    """Return the motion of what nothing turns, of so many samples."""
     none = np.zeros(count)
     return AngularMotion(none, none, none, none, none, none, none, 0.0, 0.0)
 
@@ -151,12 +149,8 @@ def travel_acceleration(signals: Signals, rig: Rig, motion: AngularMotion) -> Ar
 def seen_acceleration(signals: Signals, rig: Rig, motion: AngularMotion) -> Array:
     """Return the second derivative of what the rig's camera sees, by the accelerometers, m/s^2, shape (n,).
 
-    That of the travel along the tipping part where the rig has no camera, along the line of a body on one.
+    That of the travel along the tipping part where the rig has no camera, or it is not mounted.
     """
-    if rig.mechanism.on_a_line:
-        static = rig.mechanism.g * math.sin(rig.mechanism.phi20)
-        felt: Array = bridge(signals.series["recoil_acceleration"], otherwise=static)
-        return felt - static
     inertial = bridge(inertial_acceleration(signals, rig, motion), otherwise=0.0)
     return seen_by_camera(inertial, rig, motion, signals.step_s)
 
@@ -171,7 +165,7 @@ def seen_by_camera(inertial: Array, rig: Rig, motion: AngularMotion, step_s: flo
     """
     relative = relative_to_tipping_part(inertial, rig.mechanism, motion, step_s, free)
     spec = rig.by_role("recoil_displacement")
-    if spec is None or not rig.camera_on_ground or rig.mechanism.on_a_line:
+    if spec is None or not (rig.camera_on_ground and rig.mechanism.mounted):
         return relative
     velocity = integrate(relative, step_s)
     terms = integrate(velocity, step_s), velocity, integrate(motion.w2, step_s), motion.w2, motion.dw2
@@ -185,7 +179,7 @@ def seen_by_camera(inertial: Array, rig: Rig, motion: AngularMotion, step_s: flo
 def relative_to_tipping_part(
     inertial: Array, mechanism: Mechanism, motion: AngularMotion, step_s: float, free: Array | None = None
 ) -> Array:
-    """X'' of a recoiling part with a given a', m/s^2, shape (n,); on a line a' less what gravity adds to it at rest.
+    """X'' of a recoiling part with a given a', m/s^2, shape (n,).
 
     The travel that it needs itself, in the small centripetal term, is its own double integral.
 
@@ -196,9 +190,6 @@ def relative_to_tipping_part(
     free : ndarray, shape (n,), optional
         0 where the part is held, 1 where it is free; free throughout if left out.
     """
-    if mechanism.on_a_line:
-        moves = np.asarray(inertial - mechanism.g * np.sin(mechanism.phi20))
-        return moves if free is None else moves * free
     travel = np.zeros_like(inertial)
     for _ in range(2):
         acceleration = _relative(mechanism, inertial, travel, motion)
@@ -375,7 +366,7 @@ def acceleration_noise(signals: Signals, acceleration: Array) -> float:
 
 
 def _relative(mechanism: Mechanism, inertial: Array, travel: Array, motion: AngularMotion) -> Array:
-    return relative_acceleration(
-        mechanism, inertial, travel, motion.w2, motion.dw2, motion.f_x, motion.f_y, motion.beta,
+    return mechanism.travel_acceleration(
+        inertial, travel, motion.w2, motion.dw2, motion.f_x, motion.f_y, motion.beta,
         w1=motion.w1, dw1=motion.dw1, r_x=motion.r_x, r_y=motion.r_y,
     )  # fmt: skip

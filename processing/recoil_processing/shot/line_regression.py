@@ -12,7 +12,7 @@ import numpy as np
 from recoil_acquisition.errors import IdentificationError
 from recoil_processing.shot.line_motion import LineMotion
 from recoil_processing.shot.regression import Regression, refuse_lost
-from recoil_processing.shot.signals import Signals, static_value
+from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import Rig
 
 
@@ -25,7 +25,7 @@ def line_motion(signals: Signals, rig: Rig) -> LineMotion:
         If nothing was recorded of it.
     """
     forces = [signals.series[force.name] for force in rig.forces if force.name in signals.series]
-    static = static_value("recoil_acceleration", rig.mechanism) or 0.0
+    static = rig.mechanism.at_rest.get("recoil_acceleration", 0.0)
     offset = signals.offsets.get("recoil_acceleration")
     u_zero = 0.0 if offset is None else offset.u
     return LineMotion.of(signals.times_s, signals.series, forces, static, u_zero)
@@ -64,7 +64,7 @@ def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> Regressio
     columns = [force.sign * force.per_reading * s[force.name] for force in rig.forces]
     forces = np.column_stack([*columns, whole * (m.friction * direction - m.slide_friction * speed)])
     released = motion.driven.astype(np.float64)
-    static = static_value("recoil_acceleration", m) or 0.0
+    static = m.at_rest.get("recoil_acceleration", 0.0)
     forces = np.where(motion.driven[:, np.newaxis], forces, 0.0)
     acceleration = np.where(motion.driven, motion.acceleration_m_s2, motion.acceleration_m_s2 - static)
     return Regression(

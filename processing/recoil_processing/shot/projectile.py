@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
-from recoil_rigs.mechanism_parameters import Mechanism
+from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 
 Array = NDArray[np.float64]
 

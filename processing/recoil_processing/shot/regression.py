@@ -25,9 +25,9 @@ from recoil_processing.filters import Filtered, LowPass, filter_alike
 from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.release import FEWEST, end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.force_input import SIGNS
-from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.rig_tables import GAUGE_ROLES
+from recoil_rigs.mechanism.model import Mechanism
+from recoil_rigs.tables.force_input import SIGNS
+from recoil_rigs.tables.rig_tables import GAUGE_ROLES
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -86,7 +86,7 @@ class Regression(ReadOnlyArrays):
     gauges
         Names of the measured forces, in the order of their columns.
     signs
-        Signs of their parts in F', as `recoil_rigs.force_input.ForceInput` has them.
+        Signs of their parts in F', as `recoil_rigs.tables.force_input.ForceInput` has them.
     motion_role
         Role of what measured the motion.
     speed_m_s, travel_m : ndarray, shape (n,), or None
@@ -115,6 +115,11 @@ class Regression(ReadOnlyArrays):
     speed_m_s: Array | None = None
     travel_m: Array | None = None
     turning_n: float = 0.0
+
+    @property
+    def recoils_once(self) -> bool:
+        """Whether it is of one recoil from battery, whose speed nothing tells but the acceleration."""
+        return self.speed_m_s is None
 
     @property
     def low_pass(self) -> LowPass | None:
@@ -150,7 +155,7 @@ class Regression(ReadOnlyArrays):
         """
         low_pass = self.low_pass
         # on a line the cut-off is as low as the force allows: there is nothing below it
-        if low_pass is None or self.speed_m_s is not None:
+        if low_pass is None or not self.recoils_once:
             return column
         return replace(low_pass, cutoff_hz=SLOWER * low_pass.cutoff_hz).apply(column, self.rate_hz)
 
@@ -194,7 +199,7 @@ class Regression(ReadOnlyArrays):
 
         On a line those at which the body does not stand: what holds it then no gauge reads.
         """
-        if self.speed_m_s is not None:
+        if not self.recoils_once:
             return (np.abs(self.friction_direction) >= STANDS) | (self.turning_n == 0.0)
         turned = np.abs(1.0 + self.friction_direction) / 2.0 > MOST_TURNED
         # what the filter spreads rings: where it crosses zero it is there all the same
@@ -234,7 +239,7 @@ class Regression(ReadOnlyArrays):
         What the filter would have needed of the motion there was not recorded.
         """
         at_an_end = np.zeros(self.times_s.size, dtype=np.bool_)
-        if self.speed_m_s is not None:
+        if not self.recoils_once:
             reach = math.ceil(self.rate_hz / low_pass.cutoff_hz)
             at_an_end[:reach] = at_an_end[-reach:] = True
         return at_an_end
@@ -390,7 +395,7 @@ def spaced_rows(regression: Regression) -> NDArray[np.int64]:
     # by time, not by a whole number of samples: the rows of thinned channels are those of the full rate
     apart = max(1.0, regression.rate_hz / (2.0 * regression.low_pass.cutoff_hz))
     first = int(np.argmax(regression.inside))
-    if regression.speed_m_s is not None:
+    if not regression.recoils_once:
         # a body on a line is at no other rate than its own, and may have few rows: rounded down there are more
         apart = float(int(apart))
         lacking = LEAST_SPACED - int(regression.inside.sum() / apart)

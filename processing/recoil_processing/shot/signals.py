@@ -17,18 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment
-from recoil_acquisition.timebase import TimeBase
 from recoil_processing.gaps import LONGEST_STEP
 from recoil_processing.noise import robust_sigma, welch_satterthwaite
 from recoil_processing.shot.channel_repair import ChannelRepair, level_samples, mend_samples
 from recoil_processing.shot.instants import instants
-from recoil_processing.shot.line_motion import acceleration_on_line, driven_s
-from recoil_processing.shot.onset import LEAST_LEVEL_SAMPLES, find_onset
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.mechanism import Mechanism
+from recoil_processing.shot.mechanism_onset import onset_s
+from recoil_processing.shot.onset import LEAST_LEVEL_SAMPLES
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -132,37 +131,6 @@ class Signals(ReadOnlyArrays):
         return np.full(next(iter(self.series.values())).size, otherwise)
 
 
-GRID_ROLES = ("recoil_acceleration", "breech_pressure")
-LINE_ROLES = ("recoil_acceleration", "recoil_velocity", "recoil_displacement")
-"""Roles of the motion of a body on a line, whose series stand beside those of its forces."""
-SERIES_ROLES = (
-    "recoil_acceleration", "carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate",
-    "breech_pressure", "brake_pressure", "recuperator_pressure",
-)  # fmt: skip
-
-
-def static_value(role: str, mechanism: Mechanism) -> float | None:
-    """Return what a channel reads at rest in battery, SI; None where that is not known.
-
-    The recoiling part's accelerometer points along -e5, so it feels ``-g sin(phi20)``; the carriage's
-    feel ``g sin(phi10)`` and ``g cos(phi10)`` (specific force; `recoil_rigs.mechanism.carriage_specific_force`). A body
-    on a line feels ``g sin(phi20)`` along the line while its speed stays the same, and what its force gauges read then
-    nobody knows.
-    """
-    g = mechanism.g
-    if mechanism.on_a_line and role == "recoil_acceleration":
-        return g * math.sin(mechanism.phi20)
-    return {
-        "recoil_acceleration": -g * math.sin(mechanism.phi20),
-        "carriage_acceleration_x": g * math.sin(mechanism.phi10),
-        "carriage_acceleration_y": g * math.cos(mechanism.phi10),
-        "carriage_rate": 0.0,
-        "tipping_rate": 0.0,
-        "breech_pressure": 0.0,
-        "brake_pressure": 0.0,
-    }.get(role)
-
-
 def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Signals:
     """Bring the channels of a shot that the equation of motion needs onto one grid.
 
@@ -178,9 +146,8 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
     IdentificationError
         If no channel of the reference clock can carry the grid, or it shows no shot.
     """
-    on_a_line = fired.rig.mechanism.on_a_line
-    names = (*LINE_ROLES, *(force.name for force in fired.rig.forces)) if on_a_line else SERIES_ROLES
-    carriers = names if on_a_line else GRID_ROLES
+    mechanism = fired.rig.mechanism
+    names, carriers = mechanism.series(fired.rig.forces), mechanism.grid_series(fired.rig.forces)
     carrier = next(
         (
             one.recorded
@@ -215,7 +182,7 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
         channel = one.recorded
         alignment = alignments.get(channel.time_base.clock)
         # what only helps to tell a speed must not be guessed
-        doubted = ("failed", "ambiguous") if on_a_line and series_name in LINE_ROLES else ("failed",)
+        doubted = ("failed", "ambiguous") if series_name in mechanism.sure_roles else ("failed",)
         if channel.time_base.clock != fired.shot.reference_clock and (alignment is None or alignment.status in doubted):
             unused.append((series_name, channel.name))
             continue
@@ -230,7 +197,8 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
         lost = {name: int(np.count_nonzero(~np.isfinite(read[name]))) for name in channels}
         by_role[role] = [name for name in channels if lost[name] == min(lost.values())]
         unused += [(role, name) for name in channels if name not in by_role[role]]
-    onset = _onset(grid, {role: read[channels[0]] for role, channels in by_role.items()}, fired)
+    first = {role: read[channels[0]] for role, channels in by_role.items()}
+    onset = onset_s(mechanism, grid, first, [force.name for force in fired.rig.forces])
     baseline_end = max(start, onset - BASELINE_MARGIN_S)
     baseline_s = (start, baseline_end) if baseline_end - start >= LEAST_BASELINE_S else (start, start)
     series: dict[str, Array] = {}
@@ -250,9 +218,7 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
                 repairs += [ChannelRepair.of(name, role, repair, grid) for repair in level.repairs]
                 for cause, error in level.left.items():
                     left[role, cause if len(channels) == 1 else f"{cause} of {name}"] = error / len(channels)
-            found.append(
-                GaugeReading(name, *_at_rest(samples, in_baseline, static_value(role, fired.rig.mechanism), noise))
-            )
+            found.append(GaugeReading(name, *_at_rest(samples, in_baseline, mechanism.at_rest.get(role), noise)))
         series[role], offsets[role] = found[0].samples, found[0].offset
         if len(found) > 1:
             gauges[role] = tuple(found)
@@ -264,18 +230,6 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
         # what was left out and has no other in its place is missing, not set aside
         unused=tuple(name for series_name, name in unused if series_name in by_role),
     )
-
-
-def _onset(grid_s: Array, series: Mapping[str, Array], fired: FiredShot) -> float:
-    """Return the first instant of force; on a line that at which a rest ends, the record's first one without any."""
-    if not fired.rig.mechanism.on_a_line:
-        return find_onset(grid_s, series)
-    static = static_value("recoil_acceleration", fired.rig.mechanism) or 0.0
-    acceleration = acceleration_on_line(series, float(grid_s[1] - grid_s[0]), static)
-    if acceleration is None:
-        return float(grid_s[0])
-    forces = [series[force.name] for force in fired.rig.forces if force.name in series]
-    return driven_s(grid_s, acceleration, forces, static)[0]
 
 
 def _grid_of(carrier: Channel, fired: FiredShot) -> tuple[float, float, int]:

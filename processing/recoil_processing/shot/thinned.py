@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel, Step
-from recoil_acquisition.timebase import TimeBase
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_processing.gaps import bridge
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.rig_tables import ExposureAlignment, TriggerAlignment
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.rig_tables import ExposureAlignment, TriggerAlignment
 
 Array = NDArray[np.float64]
 
@@ -42,8 +42,8 @@ _OPERATION, _VERSION = "thin", "1"
 def thinned(fired: FiredShot) -> tuple[FiredShot, tuple[str, ...]]:
     """Thin the channels that are faster than `THINNED_ABOVE_HZ` by whole factors, to `THINNED_TO_HZ` or a little more.
 
-    Lines whose edges align clocks stay as they are: an edge is told to a sample. So does all that a body on a line
-    moves: a hammer's blow is over within a millisecond.
+    Lines whose edges align clocks stay as they are: an edge is told to a sample. So does all of what does not recoil
+    once: a hammer's blow is over within a millisecond.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def thinned(fired: FiredShot) -> tuple[FiredShot, tuple[str, ...]]:
     names : tuple of str
         Names of the channels that were thinned.
     """
-    if fired.rig.mechanism.on_a_line:
+    if not fired.rig.mechanism.recoils_once:
         return fired, ()
     lines = {
         one.align.channel for one in fired.rig.sources if isinstance(one.align, TriggerAlignment | ExposureAlignment)

@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.strict_json import as_floats
+from recoil_acquisition.files.strict_json import as_floats
 from recoil_processing.filters import LowPass
 from recoil_processing.spectra.spectral_gap import (
     ENSEMBLE_SHOULDER_DB,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import GAUGE_ROLES
+from recoil_rigs.tables.rig_tables import GAUGE_ROLES
 from recoil_rigs.twin.instruments import generator
 from recoil_rigs.twin.settings import TwinSettings
 

@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from recoil_acquisition.declaration import Finite, NotNegative, Positive
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, RigError, did_you_mean
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import FORCE_SENSOR_ROLES
+from recoil_rigs.tables.rig_tables import FORCE_SENSOR_ROLES
 from recoil_rigs.twin.instruments import generator
 from recoil_rigs.twin.line_settings import LineSettings, faults_of_line
 from recoil_rigs.twin.loads import check_statics

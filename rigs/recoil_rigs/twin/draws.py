@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.twin.instruments import generator
 from recoil_rigs.twin.motion import nominal_recoil_of
 from recoil_rigs.twin.nominal_recoil import NominalRecoil

@@ -1,4 +1,4 @@
-"""The equations of motion for one state at a time, those of `recoil_rigs.mechanism` in plain floats.
+"""The equations of motion for one state at a time, those of `recoil_rigs.mechanism.model` in plain floats.
 
 The rows of the rigid bodies are set up once for both models: the rigid one takes them apart by hand, the
 one with a flexible tube (`recoil_rigs.twin.tube_equations`) adds to them what bending does.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.twin.loads import Rest, State, loads_of
 from recoil_rigs.twin.settings import TwinSettings
 from recoil_rigs.twin.unread_forces import Unread

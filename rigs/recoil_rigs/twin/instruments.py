@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_rigs.mechanism import Mechanism, carriage_specific_force, specific_acceleration
+from recoil_rigs.mechanism.model import Mechanism, carriage_specific_force, specific_acceleration
 from recoil_rigs.rig import Sensor
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
 from recoil_rigs.twin.line_motion import LineMotion
 from recoil_rigs.twin.motion import Motion
 from recoil_rigs.twin.recorder_settings import RecorderSettings

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.twin.line_settings import LineSettings
 from recoil_rigs.twin.unread_forces import SLIDES_FROM_M_S, Unread, UnreadForces, unread_force
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.errors import RigError
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import RedundantAlignment, Rig
-from recoil_rigs.rig_tables import FORCE_ROLES
+from recoil_rigs.tables.rig_tables import FORCE_ROLES
 from recoil_rigs.twin.campaign import PlannedShot
 from recoil_rigs.twin.draws import U_FROM_SHOT_TO_SHOT, draw_noise
 from recoil_rigs.twin.instruments import generator, stress_waves
@@ -177,7 +177,7 @@ def line_truth_of(scene: Scene, motion: LineMotion) -> dict[str, Any]:
     }
 
 
-def line_impulses(motion: LineMotion) -> dict[str, float]:
+def line_impulses(scene: Scene, motion: LineMotion) -> dict[str, float]:  # noqa: ARG001 - as of a gun
     """Return the impulse that is not read, N s, against the motion, and its share of what resists it all."""
     step_s = float(motion.times_s[1])
     along = np.sign(motion.speed_m_s)

@@ -15,9 +15,9 @@ from pydantic import Field
 
 from recoil_acquisition.declaration import Finite, NotNegative, Positive, declared
 from recoil_acquisition.errors import Fault, FaultCode, RigError, did_you_mean
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import ROLES, Rig
-from recoil_rigs.rig_tables import CARRIED_ROLES, FORCE_ROLES, GAUGE_ROLES
+from recoil_rigs.tables.rig_tables import CARRIED_ROLES, FORCE_ROLES, GAUGE_ROLES
 from recoil_rigs.twin.readings import Readings
 from recoil_rigs.twin.recorder_settings import TWIN, Count, RecorderSettings, contradiction, faults_of_recorders
 from recoil_rigs.twin.unread_forces import UnreadForces

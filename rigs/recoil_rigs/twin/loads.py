@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from recoil_acquisition.errors import Fault, FaultCode
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.twin.settings import TwinSettings
 from recoil_rigs.twin.unread_forces import Unread
 
@@ -38,7 +38,7 @@ class Rest:
 
 
 Loads = tuple[float, float, float, float, float, float, State, float]
-"""The loads at a state, in the signs of `recoil_rigs.mechanism.generalized_forces`; N, N m, Pa.
+"""The loads at a state, in the signs of `recoil_rigs.mechanism.model.generalized_forces`; N, N m, Pa.
 
 R_f with all its parts, the elevating moment, ground x, ground y, ground d, ground friction; what is recorded: brake
 pressure, recuperator pressure, packing friction, contact, the five loads after R_f, and what no gauge reads; the rate

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_rigs.flexible_tube import FlexibleTube, sag, uniform_tube
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.flexible_tube import FlexibleTube, sag, uniform_tube
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.twin.equations import Equations, rigid_equations
 from recoil_rigs.twin.loads import Rest, State, check_statics, pressures_of, rest_in_battery
 from recoil_rigs.twin.nominal_recoil import NominalRecoil, nominal_recoil
@@ -41,13 +41,13 @@ class Motion(ReadOnlyArrays):
     times_s
         Times on a uniform grid from 0; rest before.
     q, qd, qdd : ndarray, shape (n, 5)
-        State, rate and acceleration in the order of `recoil_rigs.mechanism`.
+        State, rate and acceleration in the order of `recoil_rigs.mechanism.model`.
     friction_n
         Packing friction, positive against recoil.
     contact_n
         Force with which the stop, and the throttling of the counter-recoil, push rearward.
     elevating_moment_n_m, ground_x_n, ground_y_n, ground_d_n, ground_friction_n
-        Loads in the signs of `recoil_rigs.mechanism.generalized_forces`.
+        Loads in the signs of `recoil_rigs.mechanism.model.generalized_forces`.
     t_fire_s, t_end_s
         First rise of the breech force; end of recoil travel, NaN if it lies behind the record.
     unread_n, breech_drag_n

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from recoil_acquisition.declaration import NotNegative, Positive
 from recoil_acquisition.errors import Fault, FaultCode, Row, nearest_first
 from recoil_rigs.rig import ROLES, RedundantAlignment, Rig
-from recoil_rigs.rig_tables import FORCE_SENSOR_ROLES
+from recoil_rigs.tables.rig_tables import FORCE_SENSOR_ROLES
 from recoil_rigs.twin.readings import Readings
 from recoil_rigs.twin.unread_forces import UnreadForces
 

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.twin.line_motion import LineMotion
 from recoil_rigs.twin.motion import Motion
 from recoil_rigs.twin.readings import Readings

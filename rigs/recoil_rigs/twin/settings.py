@@ -13,9 +13,9 @@ from pydantic import Field
 
 from recoil_acquisition.declaration import NotNegative, Positive, declared
 from recoil_acquisition.errors import Fault, FaultCode, RigError
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import ROLES, Rig
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS, LINE_ROLES
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS, LINE_ROLES
 from recoil_rigs.twin.recorder_settings import TWIN, RecorderSettings, contradiction, faults_of_recorders
 
 _RECOIL_S = 0.25

@@ -1,4 +1,4 @@
-"""The equations of `recoil_rigs.flexible_tube` for one state at a time, in plain floats.
+"""The equations of `recoil_rigs.mechanism.flexible_tube` for one state at a time, in plain floats.
 
 Bending acts on the recoiling part through three velocities only: v5 and v6 of its centre of mass along and across the
 bore, and its angular rate w2. The modes, whose mass matrix is diagonal, are taken out there; what remains of them, a
@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from recoil_rigs.flexible_tube import FlexibleTube
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.flexible_tube import FlexibleTube
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.twin.equations import Equations, rigid_rows
 from recoil_rigs.twin.loads import Rest, State
 from recoil_rigs.twin.settings import TwinSettings

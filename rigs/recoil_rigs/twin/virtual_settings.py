@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from recoil_acquisition.bounded_toml import parse_toml
 from recoil_acquisition.errors import Fault, FaultCode, RigError
-from recoil_rigs.mechanism_parameters import MechanismModel
+from recoil_acquisition.files.bounded_toml import parse_toml
+from recoil_rigs.mechanism.gun import Gun
+from recoil_rigs.mechanism.line import Line
+from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin.line_settings import LineSettings, read_line_settings
 from recoil_rigs.twin.recorder_settings import TWIN
 from recoil_rigs.twin.settings import TwinSettings, read_settings
 
+_SETTINGS: Mapping[type[Mechanism], Callable[[Rig], TwinSettings | LineSettings]] = {
+    Gun: read_settings,
+    Line: read_line_settings,
+}
+
 
 def virtual_settings(rig: Rig) -> TwinSettings | LineSettings:
-    """Validate a rig's table ``[twin]`` by its model.
+    """Validate a rig's table ``[twin]`` by its mechanism.
 
     Raises
     ------
     RigError
         With every fault, keyed ``twin.<key>``, ``mechanism.<symbol>`` or by the source.
     """
-    return read_line_settings(rig) if rig.mechanism.model is MechanismModel.LINE else read_settings(rig)
+    return _SETTINGS[type(rig.mechanism)](rig)
 
 
 def with_settings(rig: Rig, given: Mapping[str, Any]) -> Rig:

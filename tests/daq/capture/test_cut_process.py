@@ -16,9 +16,9 @@ from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
 from recoil_acquisition.capture.shot_record import acquisition_of
 from recoil_acquisition.devices.device import event_block
 from recoil_acquisition.errors import StoreError
+from recoil_acquisition.files.new_file import partial_path
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.writer import LogWriter
-from recoil_acquisition.new_file import partial_path
 from recoil_acquisition.trigger import Edge, ShotWindow, Trigger
 from tests.builders.live_logs import append
 from tests.builders.live_sources import ANCHOR, can_block, can_record, serial_block, serial_frame

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from recoil_acquisition.clocks.host_clock import Anchor, anchor
 from recoil_acquisition.devices.device import CAN, EVENT, LONGEST_DETAIL, Block, event_block, event_of
 from recoil_acquisition.devices.kernel_drops import (
     GrowingCount,
@@ -24,7 +25,6 @@ from recoil_acquisition.devices.kernel_drops import (
 from recoil_acquisition.devices.open_fault import error_number, open_fault
 from recoil_acquisition.devices.reopening import LONGEST_PAUSE_S, BackOff
 from recoil_acquisition.errors import ErrorCode
-from recoil_acquisition.host_clock import Anchor, anchor
 from recoil_acquisition.log.record import LONGEST_PAYLOAD
 from tests.builders.played_clock import PlayedClock
 

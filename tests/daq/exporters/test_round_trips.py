@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.channel import Channel
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.exporters.content import Content, gather
 from recoil_acquisition.exporters.publication import ExportedFile, write_export
@@ -20,7 +21,6 @@ from recoil_acquisition.exporters.table import EXPORTERS, exporter_of
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.shot import Shot
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from tests.builders.exported_files import odd_shots
 from tests.builders.shots import make_shot
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError
+from recoil_acquisition.files.new_file import partial_path
 from recoil_acquisition.log.capture import capture_holds, extents, read_capture, write_capture
 from recoil_acquisition.log.folder import Log, open_log
 from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind
 from recoil_acquisition.log.tally import Loss
 from recoil_acquisition.log.writer import LogWriter
-from recoil_acquisition.new_file import partial_path
 from tests.builders import rdlog_bytes
 from tests.builders.damaged_logs import write_log
 from tests.builders.naive_log import read_file, read_folder

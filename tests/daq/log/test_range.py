@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from recoil_acquisition.host_clock import Anchor
+from recoil_acquisition.clocks.host_clock import Anchor
 from recoil_acquisition.log import folder as folder_module
 from recoil_acquisition.log import scan as scan_module
 from recoil_acquisition.log import writer as writer_module

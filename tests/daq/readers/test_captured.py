@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from recoil_acquisition.host_clock import Anchor
+from recoil_acquisition.clocks.host_clock import Anchor
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.captured import CapturedEvent, CapturedSource, sources_of
 from tests.builders import rdlog_bytes

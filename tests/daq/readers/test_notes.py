@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode
-from recoil_acquisition.timebase import TimeBase
 from tests.builders.vendor_files import DBC, asc_log, can_entries, dewesoft_text, motion_rows, tracks_text
 
 LOST = [*motion_rows(), (0.003, float("nan"), 0.1)]

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import ReadError, StoreError
-from recoil_acquisition.file_lock import FileLock
+from recoil_acquisition.files.file_lock import FileLock
 from recoil_acquisition.store import shared_file
 from recoil_acquisition.store.shared_file import QUIET_S, backups_of
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
@@ -21,7 +21,7 @@ from tests.builders.saved_logs import saved
 HOLDER = """
 import sys, time
 from pathlib import Path
-from recoil_acquisition.file_lock import FileLock
+from recoil_acquisition.files.file_lock import FileLock
 with FileLock(Path(sys.argv[1]), 0.0):
     print("held", flush=True)
     time.sleep(60)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import ReadError, StoreError
-from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.files.regular_file import read_small
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, MOST_COLUMNS, Spreadsheet
 
 TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\0")).map(str.strip)

@@ -17,8 +17,8 @@ from recoil_identification.rows.breech_chain import BREECH, TUBE, gauge_ahead_of
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.sensor_doubts import LITTLE, weighed_doubts
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import parse_rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin.readings import Readings
 from recoil_rigs.twin.sensor_reading import breech_reading
 from recoil_rigs.twin.unread_forces import UnreadForces

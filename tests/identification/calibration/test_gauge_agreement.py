@@ -18,8 +18,8 @@ from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.targets.target import Case
 from recoil_processing.shot.sensor_scales import of_gauge, scale_uncertainty
 from recoil_processing.shot.signals import GaugeReading, Offset, Signals, collect_signals
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import SHORTER, with_channels, with_second_gauge
 

@@ -18,7 +18,7 @@ from recoil_identification.rows.equation_of_motion import MASS
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RIGS = ("field-2013", "mixed")

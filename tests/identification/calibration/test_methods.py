@@ -21,9 +21,9 @@ from recoil_identification.rows.tracked_recoil import TrackedRecoil
 from recoil_processing.picture_bends import picture_bends
 from recoil_processing.shot.gauge_zero import MOVES_S, zero_moves
 from recoil_processing.shot.regression import PRESSURE_ROLES
-from recoil_processing.shot.signals import Signals, collect_signals, static_value
-from recoil_rigs.fired_shot import FiredShot
+from recoil_processing.shot.signals import Signals, collect_signals
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot, with_channels
 
 BRAKE_DELAY = delay_of_gauge("brake_pressure")
@@ -122,7 +122,7 @@ def moves_of(name: str) -> dict[str, Move]:
             lambda s, by, u=u[source]: np.interp(signals.times_s - by * u, signals.times_s, s), *late
         )
     for role in ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate"):
-        rest = static_value(role, rig.mechanism) or 0.0
+        rest = rig.mechanism.at_rest.get(role, 0.0)
         if (source := f"{role} sensitivity") in u:
             made[source] = of_series(lambda s, by, u=u[source], rest=rest: s + by * u * (s - rest), role)
     return made

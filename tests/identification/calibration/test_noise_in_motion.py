@@ -19,7 +19,7 @@ from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_regression, bench_rig, bench_shot
 
 SCALES = ScaleUncertainty(0.005, (0.005, 0.004, 0.004), 150.0)

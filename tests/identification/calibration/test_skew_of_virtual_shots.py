@@ -9,7 +9,7 @@ from recoil_identification.rows.causes import SKEW
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.alignment.channel_skew import Skew, measure_skew
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import VirtualShot, identified, virtual_shot
 
 LATE = {"skew_s": "{ acc_recoil = 5e-4 }"}

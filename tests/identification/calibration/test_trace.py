@@ -10,7 +10,7 @@ from recoil_identification.calibration.trace import choose_trace_window, mass_tr
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.filters import LowPass
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_regression, bench_shot
 from tests.builders.virtual_shots import identified, virtual_shot
 

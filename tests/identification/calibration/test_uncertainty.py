@@ -14,7 +14,7 @@ from recoil_identification.rows.causes import SKEW, causes_of, moving_zero
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.gauge_zero import zero_moves
 from recoil_processing.shot.regression import Regression, spaced_rows
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_regression, bench_rig, bench_shot, bench_signals
 from tests.builders.calibrations import a_calibration
 

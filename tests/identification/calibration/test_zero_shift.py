@@ -19,7 +19,7 @@ from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import MASS_KG, bench_regression
 from tests.builders.virtual_shots import identified, virtual_shot, with_channels
 

@@ -28,7 +28,7 @@ from recoil_identification.report import campaign_tables
 from recoil_identification.report.campaign_document import campaign_document, campaign_table
 from recoil_identification.shot.shot_summary import ShotSummary
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_rigs.specification import Specification
+from recoil_rigs.tables.specification import Specification
 from tests.builders.campaign_summaries import MASS_KG, campaign_of
 
 WEIGHED = campaign_of((0.0, 120.0) * 4, seed=4).shots

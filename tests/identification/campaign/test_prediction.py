@@ -24,7 +24,7 @@ from recoil_identification.campaign.prediction import (
 )
 from recoil_identification.shot.shot_summary import Parameter, ShotSummary
 from recoil_rigs.rig import load_rig
-from recoil_rigs.stated_uncertainty import with_uncertainties
+from recoil_rigs.shots.stated_uncertainty import with_uncertainties
 from tests.builders.campaign_summaries import MASS_KG, rows_of_shot, summary_of
 from tests.builders.virtual_shots import identified, virtual_shot
 

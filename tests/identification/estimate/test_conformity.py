@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from recoil_identification.estimate.conformity import conformity_of
-from recoil_rigs.specification import Specification
+from recoil_rigs.tables.specification import Specification
 
 DRAWS = 400_000
 OF = Specification(782.0, u_m3_kg=0.5, added_kg=120.0, u_added_kg=0.3, carried_kg=6.0, u_carried_kg=0.9)

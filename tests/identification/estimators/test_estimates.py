@@ -10,7 +10,7 @@ from recoil_identification.estimate.mass import ACCELERATION, FRICTION, GAUGES, 
 from recoil_identification.estimators.estimates import WIDTH, further_estimates
 from recoil_identification.shot.identified import Identification
 from recoil_processing.shot.sensor_scales import scale_uncertainty
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RIGS = ("field-2013", "mixed")

@@ -16,7 +16,7 @@ from recoil_identification.report.html import render_page
 from recoil_identification.report.section import parts_of
 from recoil_identification.report.sections import sections_of
 from recoil_identification.report.tables import peaks
-from recoil_rigs.issue import Issue, checked_issue
+from recoil_rigs.tables.issue import Issue, checked_issue
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.virtual_shots import identified
 from tests.identification.report.test_report_html import a_report

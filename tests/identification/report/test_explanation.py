@@ -14,8 +14,8 @@ from recoil_identification.report import formulas
 from recoil_identification.report.document import report_document
 from recoil_identification.report.explanation import EXPLAINED, Entry, explained, unit_of
 from recoil_identification.report.report_files import computer, digest_of, sealed
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.issue import Issue
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.issue import Issue
 from tests.builders.virtual_shots import identified, virtual_shot
 
 ISSUED = Issue(tolerance_kg=(-4.0, 4.0))

@@ -32,7 +32,7 @@ from recoil_identification.report.shot_index import index_document, row_of_repor
 from recoil_identification.report.sweep import found_row, sweep_document, sweep_figures
 from recoil_identification.targets.finding import Finding, Quantity, Table
 from recoil_identification.targets.target_document import target_document
-from recoil_rigs.issue import Issue
+from recoil_rigs.tables.issue import Issue
 from tests.builders.browsers import find_browser, print_page, visit
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.virtual_shots import identified, virtual_shot

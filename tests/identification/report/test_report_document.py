@@ -23,7 +23,7 @@ from recoil_identification.report.report_files import (
 )
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified, virtual_shot
 

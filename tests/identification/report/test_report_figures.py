@@ -14,7 +14,7 @@ from recoil_identification.report.glossary import TERMS, Glossary
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.signals import GaugeReading
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified
 

@@ -22,7 +22,7 @@ from recoil_identification.shot.preparation import prepare
 from recoil_processing.shot.camera_motion import RecordedMotion, recorded_motion
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot, with_channels
 
 RIGS = ["field-2013", "mixed"]

@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.shot import ClockAlignment
-from recoil_acquisition.timebase import TimeBase
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import Beside, calibrated_mass
 from recoil_identification.estimate.budget import combined_u
@@ -36,8 +36,8 @@ from recoil_processing.shot.gauge_zero import MOVES_S, zero_moves
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.sensor_scales import BORE_FRICTION, scale_uncertainty
 from recoil_processing.shot.signals import Offset
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.force_input import AREAS
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.force_input import AREAS
 from tests.builders.bench_shots import (
     BORE_M2,
     BRAKE_M2,

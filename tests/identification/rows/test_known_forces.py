@@ -17,8 +17,8 @@ from recoil_identification.rows.known_forces import known_forces
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.error_source import SourceKind
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import VirtualShot, virtual_shot, with_channels
 
 SETTINGS = {"gain_errors": False, "friction_error": False}

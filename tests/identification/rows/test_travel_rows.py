@@ -21,8 +21,8 @@ from recoil_processing.shot.clocks.camera_track import CameraTrack
 from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil
 from recoil_processing.shot.kinematics import AngularMotion
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, find_rig, parse_rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_regression, bench_rig, bench_shot, bench_signals
 from tests.builders.correlations import lower_factor
 from tests.builders.written_out_integral import integrated_twice

@@ -20,7 +20,7 @@ from recoil_processing.double_integral import integrate
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, build_regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 from tests.builders.bench_shots import (
     ELEVATION_RAD,
     GRAVITY_M_S2,

@@ -19,9 +19,9 @@ from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.camera_motion import motion_fit
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.sensor_scales import scale_uncertainty
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
-from recoil_rigs.specification import Specification
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.specification import Specification
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_rig, bench_shot
 from tests.builders.virtual_shots import VirtualShot, identified, virtual_shot, with_channels, without_channels
 

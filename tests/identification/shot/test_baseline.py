@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from recoil_identification.shot.baseline import Baseline
-from recoil_processing.shot.signals import static_value
 from tests.builders.virtual_shots import identified, virtual_shot
 
 
@@ -32,7 +31,7 @@ def test_offset_and_noise_are_those_of_the_samples_before_the_onset():
         recorded, one = virtual.shot.channels[channel], found[channel]
         times_s = recorded.time_base.times_s
         silent = np.asarray(recorded.samples)[(times_s >= signals.baseline_s[0]) & (times_s < signals.baseline_s[1])]
-        at_rest = static_value(recorded.role, virtual.rig.mechanism)
+        at_rest = virtual.rig.mechanism.at_rest.get(recorded.role)
         assert one.at_rest == at_rest
         scatter = float(np.std(silent))
         assert one.offset == pytest.approx(np.mean(silent) - (at_rest or 0.0), abs=scatter / 10)

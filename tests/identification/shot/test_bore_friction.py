@@ -9,8 +9,8 @@ import pytest
 
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
 SHARE, U_SHARE = 0.02, 0.004

@@ -17,8 +17,8 @@ from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.regression import spaced_rows
 from recoil_processing.shot.signals import collect_signals
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.tracked_rigs import tracked_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 

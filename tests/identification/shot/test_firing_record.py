@@ -6,7 +6,7 @@ import pytest
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.firing_record import CURVE_POINTS, CURVES, curves_of, peaks_of
 from recoil_identification.shot.identified import Options
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot, with_channels
 
 

@@ -12,7 +12,7 @@ from recoil_identification.rows.camera_rows import CameraRows
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.ground_shots import ground_shot
 from tests.builders.virtual_shots import VirtualShot, without_channels
 

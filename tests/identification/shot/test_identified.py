@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from recoil_rigs.specification import Specification
+from recoil_rigs.tables.specification import Specification
 from tests.builders.virtual_shots import identified
 
 

@@ -15,7 +15,7 @@ from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import LEAST_SPACED
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.line_motions import TURNING_M_S, LineBody
 from tests.builders.line_shots import hammer, sled_outcome
 

@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.timebase import TimeBase
 from recoil_identification.calibration.methods import CAMERA_METHODS, FURTHER, METHODS
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.filter_choice import choose_filter, mass_filter
 from recoil_identification.shot.identified import Options
 from recoil_identification.targets import TARGETS, target_function
 from recoil_identification.targets.target import Case
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot
 
 SLOW = {"sample_rate_hz": 1000.0, "duration_s": 0.42}

@@ -18,7 +18,7 @@ from recoil_identification.rows.row_noise import by_filter, rest_covariance
 from recoil_identification.shot.preparation import prepare
 from recoil_processing.double_integral import integrate
 from recoil_processing.shot.regression import Regression, spaced_rows
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot
 
 STEP = 1e-30

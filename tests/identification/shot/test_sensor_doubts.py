@@ -18,7 +18,7 @@ from recoil_identification.shot.identified import Options
 from recoil_identification.shot.sensor_doubts import doubted_sensors, doubted_sensors_or_mass, nearly_doubted
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import BORE_FRICTION
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot, with_channels
 
 BRAKE_DELAY = delay_of_gauge("brake_pressure")

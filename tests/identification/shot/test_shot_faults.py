@@ -18,9 +18,9 @@ from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
-from recoil_rigs.calibration_day import CalibrationDay, DayOf
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
 ON = CalibrationDay(dt.date(2026, 6, 1), DayOf.START)

@@ -21,8 +21,8 @@ from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.shot_summary import STEPS_AT, sensors_of, shot_summary
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import parse_rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot, with_second_gauge
 
 

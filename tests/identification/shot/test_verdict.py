@@ -22,7 +22,7 @@ from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.route import Route
 from recoil_identification.shot.sensor_doubts import notes_on_doubts
 from recoil_identification.shot.verdict import against_this_shot, notes_on, reasons_against, require_explained
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot
 
 BRAKE_DELAY = delay_of_gauge("brake_pressure")

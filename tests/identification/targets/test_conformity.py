@@ -13,7 +13,7 @@ from recoil_identification.report.html import render_target_page
 from recoil_identification.report.tables import quantities, tolerances
 from recoil_identification.targets.finding import Finding, Quantity
 from recoil_identification.targets.target_document import target_document
-from recoil_rigs.issue import Issue
+from recoil_rigs.tables.issue import Issue
 from tests.builders.virtual_shots import virtual_shot
 
 SHOT_FILE = InputFile("s1.h5", "ab" * 32, 123, "", "shot file")

@@ -18,7 +18,7 @@ from recoil_identification.targets import TARGETS, target_function
 from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.target import Case
 from recoil_identification.targets.target_document import SCHEMA, series_text, target_document, write_target_document
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.shots import make_shot
 
 

@@ -9,7 +9,7 @@ import pytest
 from recoil_identification.targets import target_function
 from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
 UNKIND = (12, 15)

@@ -14,8 +14,8 @@ from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.shot.channel_repair import level_samples, mend_samples
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import parse_rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified, virtual_shot, with_channels
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.channel import Channel
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.shot import Shot
-from recoil_acquisition.timebase import TimeBase
 from recoil_processing.alignment.stamps import EvenStamps, even_stamps
 from recoil_processing.shot import instants as module
 from recoil_processing.shot.instants import delay_of, instants
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Sensor, Source, parse_rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import bench_rig, bench_shot
 
 RECORDER = Source(name="recorder", kind="dewetron")

@@ -23,7 +23,7 @@ from recoil_processing.shot.kinematics import (
     travel_and_velocity,
 )
 from recoil_processing.shot.signals import Signals, collect_signals
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
 

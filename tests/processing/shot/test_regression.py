@@ -16,7 +16,7 @@ from recoil_processing.filters import LowPass, filter_alike
 from recoil_processing.shot.regression import MOST_TURNED, build_regression, spaced_rows
 from recoil_processing.shot.release import FREE_TRAVEL_M, end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import (
     ELEVATION_RAD,
     FIRE_S,

@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.channel import Channel
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment
-from recoil_acquisition.timebase import TimeBase
 from recoil_processing.shot.onset import find_onset
-from recoil_processing.shot.signals import at_instants, collect_signals, on_grid, static_value
-from recoil_rigs.fired_shot import FiredShot
+from recoil_processing.shot.signals import at_instants, collect_signals, on_grid
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import ELEVATION_RAD, FIRE_S, bench_motion, bench_rig, bench_shot, bench_signals
 from tests.builders.virtual_shots import virtual_shot
 
@@ -88,11 +88,11 @@ def test_a_delay_is_taken_off_the_stamps_and_no_delay_changes_nothing():
 def test_at_rest_accelerometers_feel_gravity_and_the_recuperator_is_not_known():
     mechanism = replace(bench_rig().mechanism, phi10=0.1)
     g = mechanism.g
-    assert static_value("recoil_acceleration", mechanism) == pytest.approx(-g * math.sin(ELEVATION_RAD))
-    x, y = (static_value(f"carriage_acceleration_{axis}", mechanism) for axis in "xy")
+    assert mechanism.at_rest.get("recoil_acceleration") == pytest.approx(-g * math.sin(ELEVATION_RAD))
+    x, y = (mechanism.at_rest.get(f"carriage_acceleration_{axis}") for axis in "xy")
     assert (x, y) == pytest.approx((g * math.sin(0.1), g * math.cos(0.1)))
-    assert static_value("brake_pressure", mechanism) == 0.0
-    assert static_value("recuperator_pressure", mechanism) is None
+    assert mechanism.at_rest.get("brake_pressure") == 0.0
+    assert mechanism.at_rest.get("recuperator_pressure") is None
 
 
 def test_offsets_are_taken_off_with_the_uncertainty_of_the_baselines_mean():

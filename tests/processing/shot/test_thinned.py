@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recoil_acquisition.timebase import TimeBase
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.release import release_index
 from recoil_processing.shot.thinned import (
@@ -21,9 +21,9 @@ from recoil_processing.shot.thinned import (
     thinned_samples,
     thinning_factor,
 )
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import load_rig
-from recoil_rigs.rig_tables import ExposureAlignment, TriggerAlignment
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.rig_tables import ExposureAlignment, TriggerAlignment
 from tests.builders.shots import make_shot
 
 RATE_HZ = 200e3

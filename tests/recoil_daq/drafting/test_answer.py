@@ -19,8 +19,8 @@ from recoil_daq.drafting.answer import (
     one_of,
     two_numbers,
 )
-from recoil_rigs.mechanism_parameters import UNITS, Mechanism, MechanismModel
-from recoil_rigs.plausible import OF_SOURCE, U_REL
+from recoil_rigs.checks.plausible import OF_SOURCE, U_REL
+from recoil_rigs.mechanism.mechanism_parameters import UNITS, Mechanism, MechanismModel
 
 GUN, LINE = MechanismModel.GUN, MechanismModel.LINE
 FRAME_RATE = a_number("Hz", OF_SOURCE["frame_rate"])

@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 import typer
 
-from recoil_acquisition.bounded_toml import toml_value
 from recoil_acquisition.errors import RigError
+from recoil_acquisition.files.bounded_toml import toml_value
 from recoil_acquisition.store import write_shot
 from recoil_daq.drafting.draft import file_pattern
 from recoil_daq.drafting.init import draft_rig
 from recoil_daq.drafting.rig_draft import Entry, Question, RigDraft, Table
 from recoil_rigs.rig import Rig, find_rig, load_rig, parse_rig
-from recoil_rigs.rig_tables import RedundantAlignment
+from recoil_rigs.tables.rig_tables import RedundantAlignment
 from recoil_rigs.twin import TwinShot
 from tests.builders.filled_drafts import filled, mechanism_of, write_certificates
 from tests.builders.shared_data import shared_file

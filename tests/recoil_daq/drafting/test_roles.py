@@ -15,9 +15,9 @@ from recoil_daq.drafting.init import DraftedRig, draft_rig
 from recoil_daq.drafting.role_proposal import polarity_of
 from recoil_daq.drafting.role_words import GUN_ROLES, LINE_ROLES, score
 from recoil_processing.swing import swing_of
-from recoil_rigs.mechanism_parameters import MechanismModel
+from recoil_rigs.mechanism.mechanism_parameters import MechanismModel
 from recoil_rigs.rig import Rig, load_rig
-from recoil_rigs.rig_tables import ROLES
+from recoil_rigs.tables.rig_tables import ROLES
 from recoil_rigs.twin import simulate_shot
 from tests.builders.shared_data import shared_file
 from tests.builders.virtual_shots import SHORTER, with_twin

@@ -24,11 +24,11 @@ from recoil_acquisition.errors import DeviceError, RigError
 from recoil_acquisition.store import read_shot, shot_summary
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_acquisition.trigger import find_triggers
-from recoil_daq.live import folder_watch
 from recoil_daq.live.acquisition import run_live
 from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.range_state import RangeState
 from recoil_daq.live.shot import LiveOptions, LiveOutcome
+from recoil_daq.live.shots import folder_watch
 from recoil_daq.live.tables import print_acquisition
 from recoil_rigs.rig import Rig, load_rig
 from recoil_rigs.twin import range_day

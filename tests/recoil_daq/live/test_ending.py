@@ -158,7 +158,7 @@ def test_a_shot_whose_files_are_still_being_written_when_it_ends_waits_for_them(
             (tmp_path / "in" / name).write_text("x")
 
     display.then["ending:"] = drop
-    monkeypatch.setattr("recoil_daq.live.dropped_files.source_of", lambda _rig, f: f.path.stem.partition("_")[2])
+    monkeypatch.setattr("recoil_daq.live.shots.dropped_files.source_of", lambda _rig, f: f.path.stem.partition("_")[2])
     one.session.fired(one.clock.monotonic() - 1.0)
     outcome = one.run()
     assert [shot.state for shot in outcome.shots] == ["usable"]

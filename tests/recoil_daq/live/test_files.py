@@ -36,8 +36,10 @@ def range_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RangeOf:
     """Make a range that watches ``in``, where a file's source is the end of its name, and where files settle soon."""
 
     def make(display: Told, settle_s: float = 0.1, **options: Any) -> Range:
-        monkeypatch.setattr("recoil_daq.live.dropped_files.source_of", lambda _, f: f.path.stem.rpartition("_")[2])
-        monkeypatch.setattr("recoil_daq.live.folder_watch.LOOK_EVERY_S", 0.02)
+        monkeypatch.setattr(
+            "recoil_daq.live.shots.dropped_files.source_of", lambda _, f: f.path.stem.rpartition("_")[2]
+        )
+        monkeypatch.setattr("recoil_daq.live.shots.folder_watch.LOOK_EVERY_S", 0.02)
         rig = settling_soon(options.pop("rig", None) or load_rig("mixed"), settle_s)
         return Range(monkeypatch, rig, tmp_path, display, watch=tmp_path / "in", **options)
 
@@ -309,7 +311,7 @@ def test_nothing_is_matched_while_a_shot_is_recorded_whose_file_it_may_be(tmp_pa
 def test_a_file_whose_number_no_shot_bears_is_left_alone_aloud(
     tmp_path: Path, range_of: RangeOf, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("recoil_daq.live.dropped_files._UNMATCHED_S", 0.2)
+    monkeypatch.setattr("recoil_daq.live.shots.dropped_files._UNMATCHED_S", 0.2)
     display = Told()
     one = range_of(display)
     display.then["0001 captured"] = drop(tmp_path / "in", "0003_camera.csv")
@@ -409,7 +411,7 @@ def test_whatever_a_reader_meets_in_a_file_ends_no_session(
         source: str = file.path.stem.rpartition("_")[2]
         return source
 
-    monkeypatch.setattr("recoil_daq.live.dropped_files.source_of", source_of)
+    monkeypatch.setattr("recoil_daq.live.shots.dropped_files.source_of", source_of)
     display.then["0001 captured"] = drop(tmp_path / "in", "odd.bin", *FILES)
     one.session.fired(one.clock.monotonic() - 1.0)
     outcome = one.run()
@@ -595,7 +597,7 @@ def test_a_folder_full_of_foreign_files_holds_up_neither_keys_nor_screen(
         source: str = file.path.stem.rpartition("_")[2]
         return source
 
-    monkeypatch.setattr("recoil_daq.live.dropped_files.source_of", slowly)
+    monkeypatch.setattr("recoil_daq.live.shots.dropped_files.source_of", slowly)
     left_alone, shown = [0], display.show
 
     def show(state: Any) -> None:

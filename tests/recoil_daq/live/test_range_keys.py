@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from recoil_acquisition.host_clock import anchor
+from recoil_acquisition.clocks.host_clock import anchor
 from recoil_acquisition.trigger import Decision
 from recoil_acquisition.trigger.decision import Suppression
 from recoil_daq.live import range_keys

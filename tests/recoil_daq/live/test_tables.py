@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from recoil_daq.live.armed_screen import ArmedScreen
-from recoil_daq.live.plain_log import PlainLog
+from recoil_daq.live.screen.armed_screen import ArmedScreen
+from recoil_daq.live.screen.plain_log import PlainLog
 from recoil_daq.live.tables import live_display
 
 

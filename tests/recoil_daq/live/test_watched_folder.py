@@ -9,8 +9,8 @@ import pytest
 from recoil_acquisition.errors import ReadError
 from recoil_daq.live import acquisition
 from recoil_daq.live.acquisition import run_live
-from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.shot import LiveOptions
+from recoil_daq.live.shots.dropped_files import DroppedFiles
 from recoil_rigs.rig import load_rig
 from tests.builders.range_session import Told
 

@@ -11,7 +11,7 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.table import recognise
 from recoil_daq.recording.ingest import match_sources, reader_of
 from recoil_rigs.rig import Rig, parse_rig
-from tests.rigs.test_assemble import HEAD
+from tests.rigs.shots.test_assemble import HEAD
 
 CAMERA = """
 [[source]]

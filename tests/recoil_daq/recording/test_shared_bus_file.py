@@ -14,7 +14,7 @@ from recoil_acquisition.errors import ReadError, RigError
 from recoil_acquisition.readers.excerpt import excerpt
 from recoil_daq import ingest_files, open_recording
 from recoil_daq.cli import app
-from recoil_daq.live.file_match import sources_of_file
+from recoil_daq.live.shots.file_match import sources_of_file
 from recoil_daq.recording.check import check_rig
 from recoil_daq.recording.file_summary import summarise_file
 from recoil_daq.recording.ingest_folder import ingest_folder

@@ -30,9 +30,9 @@ from recoil_identification.shot.identified import Options
 from recoil_identification.targets import TARGETS
 from recoil_identification.targets.target import Case
 from recoil_processing.shot.verdict.shot_quality import check_shot
-from recoil_rigs.calibration_day import CalibrationDay, DayOf
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, load_rig
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.twin import simulate_shot, with_settings
 from tests.builders.virtual_shots import virtual_shot, with_channels
 

@@ -13,10 +13,10 @@ from typer.testing import Result
 
 from recoil_acquisition.shot import QualityCheck
 from recoil_acquisition.store import write_shot
-from recoil_daq.live.armed_screen import ArmedScreen
-from recoil_daq.live.plain_log import PlainLog
-from recoil_daq.live.screen_look import Look
-from recoil_daq.live.screen_picture import picture
+from recoil_daq.live.screen.armed_screen import ArmedScreen
+from recoil_daq.live.screen.plain_log import PlainLog
+from recoil_daq.live.screen.screen_look import Look
+from recoil_daq.live.screen.screen_picture import picture
 from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_daq.terminal.console import VisibleConsole, output_console
 from recoil_daq.terminal.ingest import print_verdict

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from recoil_daq.terminal.mechanism import GUN, LINE
-from recoil_rigs.mechanism_parameters import MEANINGS, Mechanism, MechanismModel
+from recoil_rigs.mechanism.mechanism_parameters import MEANINGS, Mechanism, MechanismModel
+from recoil_rigs.mechanism.mechanisms import MECHANISMS
 from recoil_rigs.rig import find_rig
 
 FORCES = {"friction", "slide_friction"}
@@ -43,7 +44,7 @@ def test_the_document_has_the_symbols(run) -> None:
     document = json.loads(run("check", "mixed", "--explain", "--json").stdout)
     symbols = {one["symbol"]: one for one in document["mechanism"]["symbols"]}
     assert document["mechanism"]["model"] == "gun"
-    assert tuple(symbols) == Mechanism.symbols_of(MechanismModel.GUN, ())
+    assert tuple(symbols) == MECHANISMS[MechanismModel.GUN].symbols_of(())
     assert symbols["XA"] == {"symbol": "XA", "value": 1.95, "u": None, "needed": True, "meaning": MEANINGS["XA"]}
     assert "mechanism" not in json.loads(run("check", "mixed", "--json").stdout)
     line = json.loads(run("check", "sled", "--explain", "--json").stdout)["mechanism"]

@@ -13,12 +13,12 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.readers.can.frames import DATE_FAULT, FD_LENGTHS, CanLog, FrameList, is_length_of
 from recoil_acquisition.readers.can.lines import CUT, LineShape, read_uniform_lines, split_lines
 from recoil_acquisition.readers.can.second_recording import SecondRecordingError, note_on_second
 from recoil_acquisition.readers.text.cells import whole_number
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart
 
 MONTHS = {
     name: number

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError
 from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.can.frames import (
@@ -35,7 +36,6 @@ from recoil_acquisition.readers.can.frames import (
 )
 from recoil_acquisition.readers.can.second_recording import SecondRecordingError
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode
-from recoil_acquisition.timebase import AbsoluteStart
 
 OBJECT = struct.Struct("<4sHHLL")
 PIECE_BYTES = 1 << 20

@@ -15,9 +15,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.readers.can.frames import BASE_ID_MASK, FD_LENGTHS, ID_MASK, CanFrames, CanLog, FrameList
 from recoil_acquisition.readers.can.lines import CUT, LineShape, read_uniform_lines, split_lines
-from recoil_acquisition.timebase import AbsoluteStart
 
 ERROR_FLAG = 0x20000000
 """Flag of an error frame, ``CAN_ERR_FLAG`` of ``linux/can.h``: whatever class of error it is, it is no data."""

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.clock_fit import ClockFit, fit_clock
+from recoil_acquisition.clocks.clock_fit import ClockFit, fit_clock
+from recoil_acquisition.clocks.host_clock import Anchor
+from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.frames import can_rows
-from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.log.record import Kind
 from recoil_acquisition.readers.can.buses import bus_number
 from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanFrames, CanLog, keys_of_rows, notes_on_entries
@@ -26,7 +27,6 @@ from recoil_acquisition.readers.captured import CapturedEvent, CapturedSource
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.time.clock_notes import notes_of_clock
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart
 
 NAME = "recoil-daq capture"
 _SHOWN = 200

@@ -11,10 +11,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import WALL_CLOCK_NS, AbsoluteStart
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
-from recoil_acquisition.timebase import WALL_CLOCK_NS, AbsoluteStart
 
 T = TypeVar("T", bound=np.integer[Any])
 

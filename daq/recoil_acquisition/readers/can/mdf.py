@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.errors import ReadError, system_errors_as
 from recoil_acquisition.readers.can.frames import (
     EXTENDED,
@@ -53,7 +54,6 @@ from recoil_acquisition.readers.mdf.measured import mdf_errors
 from recoil_acquisition.readers.mdf.records import Records, VariableSamples, split
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart
 
 FRAME = "CAN_DataFrame"
 LARGEST_FRAME = 64

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import CorruptFileError, NoSignalError, ReadError
 from recoil_acquisition.readers.can.buses import AT, bus_counts, by_bus, frames_of_bus
 from recoil_acquisition.readers.can.counters import (
@@ -37,7 +38,6 @@ from recoil_acquisition.readers.text.cells import whole_number
 from recoil_acquisition.readers.time.bursts import find_bursts
 from recoil_acquisition.readers.time.stalls import late_stamps
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 
 def declared_database(declared: Declarations, path: Path) -> CanDatabase:

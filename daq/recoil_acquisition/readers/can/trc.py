@@ -16,13 +16,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.can.frames import DATE_FAULT, FD_LENGTHS, CanLog, FrameList, is_length_of
 from recoil_acquisition.readers.can.lines import CUT, split_lines
 from recoil_acquisition.readers.can.second_recording import SecondRecordingError, note_on_second
 from recoil_acquisition.readers.text.cells import whole_number
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart
 
 COLUMNS: Mapping[str, str] = {"1.0": "NOILD", "1.1": "NOTILD", "1.3": "NOBTIRLD"}
 """Columns of the versions that do not state them, in the letters of version 2."""

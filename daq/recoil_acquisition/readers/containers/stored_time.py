@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.readers.time.printed_time import uniform_from_printed
 from recoil_acquisition.readers.time.time_units import DAY_S, MOST_S
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 LEAST_UNUSUAL = 8
 """Steps of rounded stamps that are longer or shorter than the usual one: a few long ones are gaps."""

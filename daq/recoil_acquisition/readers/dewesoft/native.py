@@ -35,6 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.child_process import own_command
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
 from recoil_acquisition.extras import DEWESOFT
 from recoil_acquisition.readers.containers.stored_time import selected
@@ -43,7 +44,6 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.time.increasing_stamps import keep_increasing, left_out_note
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 MAGIC = b"MULTI_STREAM_FILE_VER"
 FEWEST_BYTES = 4096

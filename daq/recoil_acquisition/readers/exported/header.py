@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import CorruptFileError
+from recoil_acquisition.files.strict_json import read_json
 from recoil_acquisition.readers.recording import SignalHeader
-from recoil_acquisition.strict_json import read_json
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 _REMEDY = "export the shot again"
 

@@ -9,10 +9,10 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.readers.exported.header import ExportedHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import TimeBase
 
 Columns = tuple[NDArray[np.float64], ...]
 

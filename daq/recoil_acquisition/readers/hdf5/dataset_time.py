@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.readers.containers.stored_time import StoredTime, time_from_vector
 from recoil_acquisition.readers.containers.time_axis import OFFSETS, Stated, stated_rate, stated_step, unit_in_time_name
 from recoil_acquisition.readers.hdf5 import attributes as attribute
@@ -12,7 +13,6 @@ from recoil_acquisition.readers.hdf5.attributes import find
 from recoil_acquisition.readers.hdf5.contents import Contents, Dataset
 from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import TimeBase
 
 SAME_STEP = 0.01
 """Share by which the step of a vector of times may differ from the one that is stated beside it."""

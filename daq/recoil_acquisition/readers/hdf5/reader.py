@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.containers.stored_channels import (
     container_recording,
@@ -38,7 +39,6 @@ from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, hdf5_file
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart
 
 OWN_SCHEMA = "recoil-daq/"
 TIME_REMEDY = (

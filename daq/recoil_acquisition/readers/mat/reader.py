@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.readers.containers.stored_channels import (
     container_recording,
     left_out_notes,
@@ -55,7 +56,6 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 MOST_VARIABLES = 5000
 

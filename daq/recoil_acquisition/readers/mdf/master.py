@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, time_from_stamps
 from recoil_acquisition.readers.mdf.channel_groups import (
     INTEGERS,
@@ -20,7 +21,6 @@ from recoil_acquisition.readers.mdf.conversion import VIRTUAL_MASTER, linear, un
 from recoil_acquisition.readers.mdf.records import Records
 from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 _LATEST_S = 2.0**61 / 1e9
 """Largest time, 73 years: a stamp beyond is damage, and differences of two fit 64 bits."""

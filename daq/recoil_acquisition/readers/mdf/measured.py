@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError
 from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.containers.stored_channels import container_recording
@@ -39,7 +40,6 @@ from recoil_acquisition.readers.mdf.records import Records, split
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart
 
 Kept = NDArray[np.int64] | None
 """Indices of the samples that the time base has; None if it has all."""

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.mdf.channel_groups import (
     HD_AT,
@@ -32,7 +33,6 @@ from recoil_acquisition.readers.mdf.number_conversion import NumberConversion, n
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.remark import Note, NoteCode
-from recoil_acquisition.timebase import AbsoluteStart
 
 _COMMENT_LINK = 5
 _BUS = "frames of a bus in this file are not read here: read it as a source of kind `can` for those"

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import Damaged
 from recoil_acquisition.readers.mdf.channel_groups import HD_AT, ChannelGroup, DataGroup, MdfChannel, MdfDamageError
@@ -37,7 +38,6 @@ from recoil_acquisition.readers.mdf3.groups import OldBlocks, OldGroups, counted
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart
 
 _POLYNOMIAL = 6
 _KINDS = {0: LINEAR, 1: INTERPOLATED, 2: NEAREST, _POLYNOMIAL: RATIONAL, 9: RATIONAL, 65535: NONE}

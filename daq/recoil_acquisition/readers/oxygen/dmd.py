@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, system_errors_as
 from recoil_acquisition.readers.oxygen.blocks import BlockIndex, index_blocks, local, read_xml
 from recoil_acquisition.readers.oxygen.samples import INTEGERS, Pieces, Signal, signal_of
@@ -39,7 +40,6 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.remark import Note, NoteCode
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 _SETUPS = "oxy_config"
 _WHOLE_TEXTS = (_SETUPS, "oxy_event")

@@ -19,10 +19,10 @@ from fractions import Fraction
 from itertools import pairwise
 from xml.etree import ElementTree as ET
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.readers.oxygen.blocks import MOST_TICKS, local, named, properties
 from recoil_acquisition.readers.text.cells import whole_number
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart
 
 SAMPLES_GROUP = "FAST"
 

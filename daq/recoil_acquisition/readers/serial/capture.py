@@ -4,7 +4,7 @@ A capture holds every byte and the host's time of each read. Samples are dated b
 frames carry one, counted from the first frame; else by the host's reads, dated back, or by the frames' counter where
 a read delivers several; else by a declared rate. Device clocks have been seen to step while the packet counter ran
 on, so the counter says what is missing, and the clock never sorts anything; where the host stamped the reads, such
-steps are found, listed and taken out (`recoil_acquisition.clock_fit`).
+steps are found, listed and taken out (`recoil_acquisition.clocks.clock_fit`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
-from recoil_acquisition.clock_fit import ClockFit, fit_clock, whole_ns
+from recoil_acquisition.clocks.clock_fit import ClockFit, fit_clock, whole_ns
+from recoil_acquisition.clocks.timebase import WALL_CLOCK_NS, AbsoluteStart, TimeBase
 from recoil_acquisition.errors import CorruptFileError, FramingError, ReadError
 from recoil_acquisition.frames.count_cycle import CountCycle, find_cycle
 from recoil_acquisition.frames.declaration import framing_from_table
@@ -40,7 +41,6 @@ from recoil_acquisition.readers.time.counted_beat import CountedBeat, counted_be
 from recoil_acquisition.readers.time.increasing_stamps import increasing, single_ahead
 from recoil_acquisition.readers.time.stalls import late_stamps
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
-from recoil_acquisition.timebase import WALL_CLOCK_NS, AbsoluteStart, TimeBase
 
 _LOSSES = {
     "bad_checksum": "places looked like a frame and had a wrong checksum",

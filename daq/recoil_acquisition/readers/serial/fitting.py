@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
-from recoil_acquisition.bounded_toml import toml_value
 from recoil_acquisition.errors import FramingError
+from recoil_acquisition.files.bounded_toml import toml_value
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.ready_made import READY_MADE

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.bounded_file import BoundedFile
 from recoil_acquisition.readers.containers.stored_channels import container_recording, left_out_notes, note_on_starts
@@ -39,7 +40,6 @@ from recoil_acquisition.readers.tdms.waveform import (
     waveform_time,
 )
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart
 
 TIME_REMEDY = "write the channels as waveforms over time, or a channel `Time` (s) into their group"
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.readers.containers.stored_time import StoredTime
 from recoil_acquisition.readers.containers.time_axis import axis_unit_s
 from recoil_acquisition.readers.tdms.history import Stretch, TdmsStamp
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 ROUNDING = 1e-6
 """Share of a sample below which two starts are the same: LabVIEW's starts of one task differ by 10^-16 s."""

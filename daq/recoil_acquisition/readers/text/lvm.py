@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import CorruptFileError, NoSignalError, ReadError
 from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.head import Claim, Head
@@ -45,7 +46,6 @@ from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text.time_base import TimeSource, rate_of_step
 from recoil_acquisition.readers.text_file import LOOKED_AT, TextFile, read_text
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 FIRST_LINE = "LabVIEW Measurement"
 _END = b"***End_of_Header***"

@@ -15,7 +15,7 @@ from functools import partial
 from itertools import takewhile
 from typing import Any, TypeAlias
 
-from recoil_acquisition.bounded_toml import toml_value
+from recoil_acquisition.files.bounded_toml import toml_value
 from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.readers.text.cells import has_decimal_comma, is_lost, is_number, split_cells, split_unit
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT

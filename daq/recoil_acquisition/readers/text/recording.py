@@ -8,6 +8,7 @@ from functools import cached_property, partial
 from types import MappingProxyType
 from typing import Any
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.overload import about_overload
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
@@ -18,7 +19,6 @@ from recoil_acquisition.readers.text.time_base import TimeSource, time_base
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import Stamps
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 _SAME = 1e-6
 """Relative difference of times that two prints of one may have."""

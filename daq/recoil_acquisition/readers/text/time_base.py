@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.text.column_store import ColumnStore
 from recoil_acquisition.readers.text.dewesoft_time import rate_from_stamps, spread_s
@@ -18,7 +19,6 @@ from recoil_acquisition.readers.time.printed_time import PART_ROWS, Times, start
 from recoil_acquisition.readers.time.time_units import DAY_S, MOST_S
 from recoil_acquisition.readers.time.wall_clock import Stamp, Stamps
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 FINE_STEPS = 50
 """Resolutions of a stamp that a step must be for the stamps to be taken as printed instants."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.clock_breaks import jumps_by_count
-from recoil_acquisition.clock_fit import SMALLEST_STEP_S, ClockFit
+from recoil_acquisition.clocks.clock_breaks import jumps_by_count
+from recoil_acquisition.clocks.clock_fit import SMALLEST_STEP_S, ClockFit
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 

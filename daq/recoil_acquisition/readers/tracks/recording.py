@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.readers.reader import Declarations
@@ -21,7 +22,6 @@ from recoil_acquisition.readers.tracks.faults import find_track_faults
 from recoil_acquisition.readers.tracks.frame_time import FrameClock
 from recoil_acquisition.readers.tracks.layout import PIXELS
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import TimeBase
 from recoil_acquisition.track import Track
 
 LOW_LIKELIHOOD = 0.6

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, selected, time_from_stamps
@@ -33,7 +34,6 @@ from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
 from recoil_acquisition.readers.uff.printed import printed_numbers
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 HEADER_LINES = 11
 MOST_HEADER_BYTES = 4096

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.reader import Declarations
@@ -35,7 +36,6 @@ from recoil_acquisition.readers.wav.riff import (
     parse_info,
 )
 from recoil_acquisition.remark import Note, NoteCode
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 _DATE = re.compile(r"(\d{4})[-_:/. ](\d\d)[-_:/. ](\d\d)")
 _TIME = re.compile(r"(\d\d)[-_:/. ](\d\d)[-_:/. ](\d\d)")

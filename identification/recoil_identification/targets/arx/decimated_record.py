@@ -19,7 +19,7 @@ from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass, filter_alike
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.force_input import ForceInput
+from recoil_rigs.tables.force_input import ForceInput
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -25,8 +25,8 @@ from recoil_identification.targets.forces.force_record import force_record
 from recoil_identification.targets.forces.motion_force import MotionForce, estimate_motion_force
 from recoil_identification.targets.target import Case
 from recoil_processing.shot.verdict.mass_reasons import doubts_of
-from recoil_rigs.assumptions import CARRIAGE_ROLES
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
+from recoil_rigs.shots.assumptions import CARRIAGE_ROLES
 
 Array = NDArray[np.float64]
 

@@ -39,11 +39,11 @@ from recoil_processing.shot.kinematics import (
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.sensor_scales import scale_uncertainty
-from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
+from recoil_processing.shot.signals import Signals, at_instants, collect_signals
 from recoil_processing.stress_waves.ringing import Mode
 from recoil_processing.stress_waves.stress_wave import strip_stress_waves
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 
@@ -269,7 +269,7 @@ def _systematic(
     """Return what each cause that the motion cannot tell adds to the force, shape (n,) each."""
     m, specification = fired.rig.mechanism, fired.rig.specification
     free = (signals.times_s >= onset_s).astype(np.float64)
-    static = static_value("recoil_acceleration", m) or 0.0
+    static = m.at_rest.get("recoil_acceleration", 0.0)
     causes: dict[str, Array] = {"mass of the recoiling part": specification.u_kg * (smooth - static)}
     for role, area in RESISTANCE:
         spec, force = fired.rig.by_role(role), gauges[role]

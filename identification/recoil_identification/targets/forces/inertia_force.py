@@ -32,7 +32,7 @@ from recoil_identification.targets.parameters.sensor_errors import RELEASED
 from recoil_identification.targets.parameters.target import camera_observation, require_motion, without_lines
 from recoil_identification.targets.target import Case
 from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 

@@ -2,8 +2,8 @@
 
 The inertia force of a body is minus its mass times its centre's acceleration (d'Alembert). Of the bodies that
 hang on the trunnion A, the forces and the moment about A are minus the first, second and fourth row of the
-equations of motion without gravity and without the carriage (`recoil_rigs.mechanism_regressor`). Along the bore, the
-inertia force and the weight's component together are ``-m3 a'`` of equation (36), which the gauges' net force
+equations of motion without gravity and without the carriage (`recoil_rigs.mechanism.mechanism_regressor`). Along the
+bore, the inertia force and the weight's component together are ``-m3 a'`` of equation (36), which the gauges' net force
 ``P - R_f`` balances.
 """
 
@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.targets.parameters.mechanism_fit import MechanismFit
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
-from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.mechanism_regressor import PARAMETERS, Geometry, regressor, standard_parameters
+from recoil_rigs.mechanism.mechanism_regressor import PARAMETERS, Geometry, regressor, standard_parameters
+from recoil_rigs.mechanism.model import Mechanism
 
 Array = NDArray[np.float64]
 
@@ -46,8 +46,8 @@ def inertia_forces(geometry: Geometry, theta: Array, q: ArrayLike, qd: ArrayLike
     Parameters
     ----------
     theta : ndarray, shape (12,)
-        Standard parameters in the order of `recoil_rigs.mechanism_regressor.PARAMETERS`; those of the carriage are not
-        used.
+        Standard parameters in the order of `recoil_rigs.mechanism.mechanism_regressor.PARAMETERS`; those of the
+        carriage are not used.
     q, qd, qdd : array_like, shape (n, 5)
 
     Returns

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from recoil_identification.shot.preparation import Prepared
 from recoil_processing.shot.channel_repair import mend_samples
 from recoil_processing.shot.signals import at_instants, on_grid
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.mechanism_regressor import EQUATIONS, LOADS, Geometry, load_directions
+from recoil_rigs.mechanism.mechanism_regressor import EQUATIONS, LOADS, Geometry, load_directions
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -104,7 +104,7 @@ def usable_equations(geometry: Geometry, alpha: Array, beta: Array, measured: Fl
     alpha, beta : ndarray, shape (n,)
         Rotations since battery, rad.
     measured : ndarray of bool, shape (7,)
-        Whether each load is measured, in the order of `recoil_rigs.mechanism_regressor.LOADS`.
+        Whether each load is measured, in the order of `recoil_rigs.mechanism.mechanism_regressor.LOADS`.
 
     Returns
     -------

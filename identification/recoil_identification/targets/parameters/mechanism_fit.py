@@ -43,7 +43,7 @@ from recoil_identification.targets.parameters.base_parameters import (
 from recoil_identification.targets.parameters.load_cells import usable_equations
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_rigs.mechanism_regressor import PARAMETER_UNITS, PARAMETERS, Geometry, regressor
+from recoil_rigs.mechanism.mechanism_regressor import PARAMETER_UNITS, PARAMETERS, Geometry, regressor
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.targets.parameters.sensor_errors import RELEASED, SensorError
-from recoil_rigs.mechanism_regressor import LOADS, Geometry, load_directions, regressor
+from recoil_rigs.mechanism.mechanism_regressor import LOADS, Geometry, load_directions, regressor
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -34,7 +34,7 @@ class MechanismRows(ReadOnlyArrays):
         ``acc`` of the recoiling part as its accelerometer reads, ``held`` that reading where the stop holds the
         part; ``f_x``, ``f_y`` of the carriage; ``w1``, ``w2``, ``dw1``, ``dw2``, ``alpha``, ``beta``, ``x``, ``dx``;
         the forces of the fifth equation by `recoil_identification.targets.parameters.sensor_errors.RELEASED`;
-        the loads of `recoil_rigs.mechanism_regressor.LOADS` that are measured.
+        the loads of `recoil_rigs.mechanism.mechanism_regressor.LOADS` that are measured.
     place
         Place of the recoiling part's accelerometer from A in battery, tipping axes, m.
     carriage_place
@@ -68,7 +68,7 @@ class MechanismRows(ReadOnlyArrays):
 
     @property
     def measured(self) -> Flags:
-        """Which of `recoil_rigs.mechanism_regressor.LOADS` are measured, shape (7,); the resistance always is."""
+        """Which of the loads of `recoil_rigs.mechanism.mechanism_regressor` are measured, shape (7,)."""
         return np.array([name in self.columns or name == "resistance" for name in LOADS])
 
     def corrected(self, errors: Array) -> MechanismRows:

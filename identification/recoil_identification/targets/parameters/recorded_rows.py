@@ -23,8 +23,8 @@ from recoil_processing.gaps import bridge
 from recoil_processing.shot.instants import anti_alias_filter
 from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES, Regression
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.mechanism_regressor import Geometry
+from recoil_rigs.mechanism.mechanism_regressor import Geometry
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]

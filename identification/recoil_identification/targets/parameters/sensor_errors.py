@@ -16,7 +16,7 @@ from recoil_identification.targets.parameters.load_cells import LOAD_CELLS
 from recoil_processing.shot.clocks.forced_recoil import RATE_ROLES
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -46,7 +46,7 @@ class SensorError:
     directions : mapping of str to ndarray, shape (n,)
         Amount that an error of size one adds to the true value, by column: it is taken off again by subtraction.
     geometry
-        Field of `recoil_rigs.mechanism_regressor.Geometry` that is wrong by the size; empty for none.
+        Field of `recoil_rigs.mechanism.mechanism_regressor.Geometry` that is wrong by the size; empty for none.
     """
 
     source: ErrorSource

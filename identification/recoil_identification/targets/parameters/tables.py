@@ -16,8 +16,8 @@ from recoil_identification.targets.parameters.base_parameters import BaseParamet
 from recoil_identification.targets.parameters.mechanism_fit import LARGEST_U, MechanismFit, natural_scales
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
 from recoil_processing.shot.error_source import SourceKind
-from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.mechanism_regressor import EQUATIONS, PARAMETER_UNITS, PARAMETERS, standard_parameters
+from recoil_rigs.mechanism.mechanism_regressor import EQUATIONS, PARAMETER_UNITS, PARAMETERS, standard_parameters
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]

@@ -36,9 +36,9 @@ from recoil_identification.targets.target import Case
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.camera_motion import motion_fit
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.mechanism_regressor import EQUATIONS, LOADS, PARAMETER_UNITS, PARAMETERS
+from recoil_rigs.mechanism.mechanism_regressor import EQUATIONS, LOADS, PARAMETER_UNITS, PARAMETERS
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 

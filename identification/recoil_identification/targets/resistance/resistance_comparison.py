@@ -15,7 +15,7 @@ from recoil_identification.targets.resistance.packing_friction import Friction
 from recoil_identification.targets.resistance.resistance_fit import FittedBrake, FittedGas
 from recoil_identification.targets.resistance.resistance_record import ResistanceRecord
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 
 Array = NDArray[np.float64]
 

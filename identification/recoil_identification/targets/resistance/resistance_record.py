@@ -22,9 +22,9 @@ from recoil_processing.gaps import bridge
 from recoil_processing.shot.gauge_zero import moving_zero_pa
 from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
-from recoil_rigs.assemble import range_si
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.assemble import range_si
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 

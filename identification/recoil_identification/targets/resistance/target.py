@@ -36,7 +36,7 @@ from recoil_identification.targets.resistance.shot_balance import (
 from recoil_identification.targets.target import Case
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import scale_uncertainty
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 
 Array = NDArray[np.float64]
 

@@ -23,9 +23,9 @@ from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.shot.instants import anti_alias_filter
 from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.regression import PRESSURE_ROLES
-from recoil_rigs.force_input import SIGNS
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import Rig
+from recoil_rigs.tables.force_input import SIGNS
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

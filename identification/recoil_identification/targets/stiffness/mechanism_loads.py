@@ -12,7 +12,7 @@ with sigma, between -1 and 1, the direction in which the foot D slides: its fric
 motion comes from angular rates and accelerometers, the recoiling part's acceleration from the forces on
 it or from its accelerometer; nothing is differentiated but the angular rates, and nothing but small lever
 arms and slow weights hangs on an integral. All functions are plain arithmetic on arrays; loads have the signs of
-`recoil_rigs.mechanism.generalized_forces`.
+`recoil_rigs.mechanism.model.generalized_forces`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,13 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import integrate
-from recoil_rigs.mechanism import Mechanism, generalized_forces, mass_matrix, relative_acceleration, velocity_terms
+from recoil_rigs.mechanism.model import (
+    Mechanism,
+    generalized_forces,
+    mass_matrix,
+    relative_acceleration,
+    velocity_terms,
+)
 
 Array = NDArray[np.float64]
 
@@ -88,7 +94,7 @@ class State(ReadOnlyArrays):
 
 @dataclass(frozen=True, eq=False)
 class Loads(ReadOnlyArrays):
-    """Loads in the signs of `recoil_rigs.mechanism.generalized_forces`, shape (n,) each.
+    """Loads in the signs of `recoil_rigs.mechanism.model.generalized_forces`, shape (n,) each.
 
     Attributes
     ----------
@@ -113,8 +119,8 @@ def state_of(mechanism: Mechanism, motion: MeasuredMotion) -> State:
     """Integrate the measured motion to coordinates of the model.
 
     The accelerometers' readings are moved to the base point C, turned upright and freed of gravity, as
-    `recoil_rigs.mechanism.carriage_specific_force` solved for ``xi''`` and ``eta''``; the travel's acceleration
-    is that of `recoil_rigs.mechanism.relative_acceleration`.
+    `recoil_rigs.mechanism.model.carriage_specific_force` solved for ``xi''`` and ``eta''``; the travel's acceleration
+    is that of `recoil_rigs.mechanism.model.relative_acceleration`.
     """
     m, step = mechanism, motion.step_s
     dw1, dw2 = np.gradient(motion.w1, step), np.gradient(motion.w2, step)

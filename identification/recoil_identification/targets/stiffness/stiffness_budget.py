@@ -26,8 +26,8 @@ from recoil_identification.targets.stiffness.supports import PARAMETERS, Assumpt
 from recoil_processing.shot.instants import delay_of
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_rigs.mechanism import Mechanism, mass_matrix
+from recoil_rigs.mechanism.model import Mechanism, mass_matrix
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from recoil_identification.targets.stiffness.restoring_force import RestoringTra
 from recoil_identification.targets.stiffness.stiffness_budget import SYMBOLS, SupportEstimates
 from recoil_identification.targets.stiffness.support_filter import Band
 from recoil_identification.targets.stiffness.supports import PARAMETERS, supports_of
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 
 LARGEST_RELATIVE_U = 0.5
 """Relative standard uncertainty of a parameter; one that is less certain is not identified, and a window gives no

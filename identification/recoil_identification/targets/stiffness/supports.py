@@ -30,7 +30,7 @@ from recoil_identification.targets.stiffness.mechanism_loads import (
 )
 from recoil_identification.targets.stiffness.support_filter import Support
 from recoil_processing.filters import LowPass
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 
 Array = NDArray[np.float64]
 

@@ -27,7 +27,7 @@ from recoil_identification.targets.target import Case
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import Signals
 from recoil_processing.shot.verdict.mass_reasons import doubts_of
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from recoil_processing.shot.clocks.autoregressive_noise import MOST_ORDER, fit_n
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -153,7 +153,7 @@ class EstimatorInputs:
         if np.count_nonzero(in_baseline) >= LEAST_NOISE_SAMPLES:
             a, f = (side[in_baseline] - side[in_baseline].mean() for side in (self.acceleration_m_s2, force))
             slow_force = self.slow_force_n
-        elif self.recorded.speed_m_s is not None and force.size >= LEAST_NOISE_SAMPLES:
+        elif not self.recorded.recoils_once and force.size >= LEAST_NOISE_SAMPLES:
             a, f = quietest_part(self.acceleration_m_s2, force)
             slow_force = math.sqrt(fit_noise([f], BASELINE_ORDER).slow_density)
         else:

@@ -27,8 +27,8 @@ from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil
 from recoil_processing.shot.instants import instants, with_chains
 from recoil_processing.shot.kinematics import LEAST_NOISE_SHARE
 from recoil_processing.shot.signals import collect_signals
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 

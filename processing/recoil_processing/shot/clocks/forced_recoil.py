@@ -28,9 +28,9 @@ from recoil_processing.shot.kinematics import (
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 

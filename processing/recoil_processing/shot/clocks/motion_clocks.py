@@ -38,8 +38,8 @@ from recoil_processing.shot.kinematics import (
     seen_acceleration,
 )
 from recoil_processing.shot.signals import collect_signals
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import MOTIONS, Rig, Source
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 Evenly = tuple[float, float, Array]
@@ -219,7 +219,7 @@ def _by_travel(
     one, two = instants(own, fired), instants(other, fired)
 
     optics = NO_BEND
-    if rig.mechanism.on_a_line and own.role == "recoil_displacement":
+    if own.role == "recoil_displacement" and not rig.mechanism.mounted:
         optics = Bend.of(own.measured, acceleration, signals.step_s, rig.channel(own.name).sensor.u_bent_m)
 
     def by(acceleration: Array) -> Aligned:
@@ -250,7 +250,7 @@ def _by_travel(
 
     found_by = by(acceleration)
     judged = found_by[1]
-    if own.role == "recoil_displacement" and not rig.mechanism.on_a_line:
+    if own.role == "recoil_displacement" and rig.mechanism.mounted:
         judged = by_its_stand(rig, clock, found_by, lambda other: by(seen_acceleration(signals, other, motion)))
     return with_chains(judged, [(own, one), (other, two)], math.hypot(one.u_s, optics.u_s), two.u_s)
 

@@ -16,7 +16,6 @@ from recoil_processing.alignment.trigger_alignment import align_edges, rising_ed
 from recoil_processing.shot.clocks.motion_clocks import align_by_comparison, align_by_motion, evenly
 from recoil_processing.shot.instants import instants, with_chains
 from recoil_processing.shot.thinned import thinned
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import (
     ExposureAlignment,
     FixedAlignment,
@@ -25,6 +24,7 @@ from recoil_rigs.rig import (
     Source,
     TriggerAlignment,
 )
+from recoil_rigs.shots.fired_shot import FiredShot
 
 _ORDER = (FixedAlignment, TriggerAlignment, RedundantAlignment, MotionAlignment, ExposureAlignment)
 

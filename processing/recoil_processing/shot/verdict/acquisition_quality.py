@@ -79,7 +79,7 @@ def check_clock_fits(clock_fits: Mapping[str, Mapping[str, Any]]) -> tuple[Quali
     Parameters
     ----------
     clock_fits
-        Fits by source, as `recoil_acquisition.clock_fit.ClockFit.to_json` or, of a clock that counts samples,
+        Fits by source, as `recoil_acquisition.clocks.clock_fit.ClockFit.to_json` or, of a clock that counts samples,
         `recoil_acquisition.devices.tick_clock.tick_anchors`.
     """
     checks = []

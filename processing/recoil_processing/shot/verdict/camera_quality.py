@@ -42,9 +42,9 @@ from recoil_processing.quality.track_quality import (
 from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.signals import at_instants
 from recoil_processing.shot.verdict.motion_quality import Recoil
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Source
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 
@@ -99,7 +99,7 @@ def _on_one_body(first: Array, second: Array) -> bool:
 
 
 def check_track(
-    channel: Channel, spec: ChannelSpec, source: Source, recording: Recording | None, *, on_a_line: bool = False
+    channel: Channel, spec: ChannelSpec, source: Source, recording: Recording | None, *, from_battery: bool = True
 ) -> Iterator[tuple[Check, Outcome]]:
     """Check the positions of one mark.
 
@@ -110,8 +110,8 @@ def check_track(
     recording
         Recording of the track, where it is at hand: duplicated pictures are then distinguished from a mark that is
         stuck; None where it is not.
-    on_a_line
-        Whether it is of a body on a line, which comes back to no battery.
+    from_battery
+        Whether what moved begins in battery and comes back there.
 
     Yields
     ------
@@ -128,7 +128,7 @@ def check_track(
     yield Check.MARKER_NOISE, check_marker_noise(times_s, samples, unit=unit)
     yield Check.JUMPS, check_jumps(times_s, samples, unit=unit)
     # from the ground a carriage that moved is no mark that did
-    if channel.role == "recoil_displacement" and not on_a_line and source.sees != "ground":
+    if channel.role == "recoil_displacement" and from_battery and source.sees != "ground":
         sigma = marker_noise(samples)
         yield Check.BATTERY, check_battery(times_s, samples, sigma if math.isfinite(sigma) else 0.0)
     if source.scale_mm_per_px is not None and (spec.unit in (None, "px")):

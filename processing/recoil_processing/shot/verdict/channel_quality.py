@@ -35,29 +35,22 @@ from recoil_processing.quality.spectral_checks import (
 from recoil_processing.repairs.hum import Hum, subtract_hum
 from recoil_processing.shot.gauge_zero import moving_zero_pa
 from recoil_processing.shot.regression import MASS_ROLES, PRESSURE_ROLES
-from recoil_processing.shot.signals import BASELINE_MARGIN_S, static_value
+from recoil_processing.shot.signals import BASELINE_MARGIN_S
 from recoil_processing.shot.verdict.motion_quality import CUTOFF_HZ, SLOWEST_SHARE
 from recoil_processing.spectra.spectral_gap import SpectralGap, find_gap
-from recoil_rigs.assemble import range_si, shown_unit
 from recoil_rigs.rig import ChannelSpec, ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
-from recoil_rigs.rig_tables import FORCE_ROLES
+from recoil_rigs.shots.assemble import range_si, shown_unit
+from recoil_rigs.tables.rig_tables import FORCE_ROLES
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LEAST_SAMPLES = 8
 """Number of samples below which there is no record."""
-POSITIVE_PULSES = (
-    "recoil_acceleration", "breech_pressure", "brake_pressure", "recuperator_pressure", "recoil_displacement",
-)  # fmt: skip
 HUM_RATE_HZ = 2000.0
 """Least rate at which the mains' harmonics are looked for."""
-SHOT_S = 0.12
-"""Time from the onset for spectra: pulse, brake and the knocks at its end."""
 EMPTY_BORE_S = 0.15
 """Time after the onset from which on the bore is open: thirty time constants of a breech pressure's decay."""
-RECOIL_S = 0.3
-"""Time from the onset after which nothing is looked through for clipping or filtered."""
 BEFORE_S = 5e-3
 """Time kept before the onset for the shock response spectrum."""
 PULSES = 3.0
@@ -140,9 +133,7 @@ def check_channel(
         and math.isfinite(channel.time_base.rate_hz)
     ):
         yield from _levels(channel, spec, rig, samples, in_baseline, reference_s, onset_s, rest_s)
-        # what moves on a line moves as long as the record goes on
-        spans_s = (math.inf, math.inf) if rig.mechanism.on_a_line else (SHOT_S, RECOIL_S)
-        record = _Record.of(channel, (unit, own), samples, in_baseline, reference_s, onset_s, spans_s)
+        record = _Record.of(channel, (unit, own), samples, in_baseline, reference_s, onset_s, rig.mechanism.spans_s)
         hum = _hum(record)
         yield Check.FILTERED_NOISE, _filtered_noise(record, hum)
         if hum is not None:
@@ -150,7 +141,7 @@ def check_channel(
         if unclipped:
             yield Check.OUT_OF_BAND, check_out_of_band(record.samples, record.in_baseline)
         yield from _spectra(record, driven_m_s2)
-    if channel.role in POSITIVE_PULSES and not rig.mechanism.on_a_line:  # where strokes go to and fro
+    if channel.role in rig.mechanism.positive_pulses:
         yield Check.POLARITY, check_polarity(samples, in_baseline, polarity=spec.polarity)
 
 
@@ -218,7 +209,7 @@ def _levels(
 ) -> Iterator[tuple[Check, Outcome]]:
     """Check levels before and after the shot."""
     role, (unit, own) = channel.role, shown_unit(spec)
-    static = None if spec.sensor.time_constant_s else static_value(role, rig.mechanism)
+    static = None if spec.sensor.time_constant_s else rig.mechanism.at_rest.get(role)
     u_moving = moving_zero_pa(spec, samples) / own.factor if role in PRESSURE_ROLES else 0.0
     if (own.factor, own.offset) != (1.0, 0.0):
         # of what is shown only differences and levels count, so that one unit is as good as another

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 from recoil_acquisition.shot import QualityCheck, Shot
 from recoil_processing.shot.verdict.shot_quality import check_shot
-from recoil_rigs.calibration_day import CalibrationDay
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.calibration_day import CalibrationDay
 
 
 def judged_anew(recorded: FiredShot, corrected: FiredShot, day: CalibrationDay) -> tuple[Shot, list[str]]:

@@ -35,10 +35,10 @@ from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import Signals
 from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES
 from recoil_processing.shot.verdict.motion_quality import Recoil
-from recoil_rigs.assumptions import CARRIAGE_ROLES
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
+from recoil_rigs.shots.assumptions import CARRIAGE_ROLES
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 

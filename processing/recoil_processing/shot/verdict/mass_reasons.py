@@ -19,14 +19,14 @@ from recoil_processing.shot.clocks.camera_stand import contradicts_stand
 from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
 from recoil_processing.shot.instants import delay_of
 from recoil_processing.shot.kinematics import lacks
-from recoil_processing.shot.motion_role import motion_lacks, motion_role, roles_of_motion
+from recoil_processing.shot.motion_role import motion_lacks, motion_role
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals, collect_signals
 from recoil_processing.shot.thinned import thinned
 from recoil_processing.shot.verdict.motion_quality import Recoil, recoil_of
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Rig
-from recoil_rigs.rig_tables import FORCE_ROLES
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.rig_tables import FORCE_ROLES
 
 LARGEST_LOSS = 0.8
 """Share of the squares of the force that may be lost: beyond it the mass hangs on the slow rest of the motion, and on
@@ -57,7 +57,7 @@ def against_the_record(fired: FiredShot) -> tuple[Reason, ...]:
     ]
     role = motion_role(fired)
     if role is None:
-        found = ", and ".join(motion_lacks(fired, one) for one in roles_of_motion(fired))
+        found = ", and ".join(motion_lacks(fired, one) for one in fired.rig.mechanism.motion_roles)
         remedy = "add its file, or declare its role in the rig file"
         reasons.append(Reason(ReasonCode.ROLE, "shot", f"no mass without a motion: {found}; {remedy}"))
     try:
@@ -65,13 +65,13 @@ def against_the_record(fired: FiredShot) -> tuple[Reason, ...]:
     except IdentificationError as error:
         return (*reasons, Reason(ReasonCode.ROLE, "shot", str(error)))
     reasons += without_forces(signals, fired.rig)
-    on_a_line = fired.rig.mechanism.on_a_line
-    if role == "recoil_displacement" and not on_a_line and (missing := carriage_lacks(signals, fired.rig)):
+    by_camera = role == "recoil_displacement" and fired.rig.mechanism.mounted
+    if by_camera and (missing := carriage_lacks(signals, fired.rig)):
         against = "which turned the bore" if fired.rig.camera_on_ground else "from which the camera sees the recoil"
         text = f"no usable channel of role {', '.join(missing)}: nothing tells how the tipping part moved, {against}"
         reasons.append(Reason(ReasonCode.ROLE, missing[0], f"{text}; record it"))
     reasons += against_signals(signals, fired.rig)
-    if (role == "recoil_acceleration" or on_a_line) and (lost := _lost_force(fired)) is not None:
+    if role is not None and not by_camera and (lost := _lost_force(fired)) is not None:
         reasons += against_losses(fired.shot, lost)
     return tuple(reasons)
 
@@ -118,17 +118,18 @@ def doubted_clocks(fired: FiredShot) -> list[Reason]:
 
 
 def _dispensable_clocks(fired: FiredShot) -> set[str]:
-    """Return the clocks of what tells the motion of a body on a line once more, and is left out where they are doubted.
+    """Return the clocks of what tells the motion once more, and is left out where they are doubted.
 
     There the accelerometer tells the speed from the rest on.
     """
-    if not fired.rig.mechanism.on_a_line or motion_role(fired) != "recoil_acceleration":
+    if motion_role(fired) != "recoil_acceleration":
         return set()
     telling: dict[str, set[str]] = {}
     for one in fired.channels.values():
         if one.recorded.role:
             telling.setdefault(one.recorded.time_base.clock, set()).add(one.recorded.role)
-    return {clock for clock, roles in telling.items() if roles <= {"recoil_velocity", "recoil_displacement"}}
+    once_more = fired.rig.mechanism.sure_roles - {"recoil_acceleration"}
+    return {clock for clock, roles in telling.items() if roles <= once_more}
 
 
 def _remedy(alignment: ClockAlignment, rig: Rig) -> str:
@@ -167,7 +168,7 @@ def without_forces(signals: Signals, rig: Rig) -> Iterator[Reason]:
 def against_signals(signals: Signals, rig: Rig) -> Iterator[Reason]:
     """Say what the signals lack that a valid mass needs: a rest before the shot, pressures at rest, a tipping rate."""
     # on a line the zero of an accelerometer is found with the mass, and a gauge of a force has no level at rest
-    if signals.baseline_s[0] == signals.baseline_s[1] and not rig.mechanism.on_a_line:
+    if signals.baseline_s[0] == signals.baseline_s[1] and rig.mechanism.recoils_once:
         yield Reason(
             ReasonCode.BASELINE,
             "shot",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +34,11 @@ from recoil_processing.shot.kinematics import (
 from recoil_processing.shot.line_regression import line_motion, line_regression
 from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression
-from recoil_processing.shot.signals import Signals, collect_signals, static_value
-from recoil_rigs.fired_shot import FiredShot
+from recoil_processing.shot.signals import Signals, collect_signals
+from recoil_rigs.mechanism.line import Line
+from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -101,8 +104,12 @@ def recoil_of(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Rec
     except IdentificationError:
         # the onset's own check says so
         return None
-    if fired.rig.mechanism.on_a_line:
-        return _on_a_line(fired, signals)
+    return _recoil(fired.rig.mechanism, fired, signals)
+
+
+@singledispatch
+def _recoil(mechanism: Mechanism, fired: FiredShot, signals: Signals) -> Recoil | None:
+    """Bring motion and forces of a mechanism together; None where nothing tells how it moves."""
     if "recoil_acceleration" not in signals.series:
         return None
     motion = angular_motion(signals, fired.rig)
@@ -112,26 +119,26 @@ def recoil_of(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Rec
     sign = _force_sign(signals, fired.rig, low_pass)
     if any(role not in signals.series for role in PRESSURE_ROLES):
         return Recoil(signals, motion, acceleration, travel, low_pass, None, sign=sign)
-    static = static_value("recoil_acceleration", fired.rig.mechanism) or 0.0
+    static = mechanism.at_rest["recoil_acceleration"]
     velocity = travel.velocity
     if fired.rig.camera_on_ground:
         velocity = integrate(travel_acceleration(signals, fired.rig, motion), signals.step_s)
     try:
         regression = build_regression(
-            signals, fired.rig.mechanism, inertial_acceleration(signals, fired.rig, motion), velocity, static
+            signals, mechanism, inertial_acceleration(signals, fired.rig, motion), velocity, static
         )
     except IdentificationError as error:
         return Recoil(signals, motion, acceleration, travel, low_pass, None, str(error), sign)
     return Recoil(signals, motion, acceleration, travel, low_pass, regression, sign=sign)
 
 
-def _on_a_line(fired: FiredShot, signals: Signals) -> Recoil | None:
-    """Bring the motion of a body on a line and its forces together; None where nothing tells how it moves."""
+@_recoil.register
+def _recoil_of_line(mechanism: Line, fired: FiredShot, signals: Signals) -> Recoil | None:
     try:
         line = line_motion(signals, fired.rig)
     except IdentificationError:
         return None
-    static = static_value("recoil_acceleration", fired.rig.mechanism) or 0.0
+    static = mechanism.at_rest["recoil_acceleration"]
     acceleration = bridge(line.acceleration_m_s2, otherwise=static) - static
     travel = DoubleIntegral.of(acceleration * line.driven, signals.start_s, signals.step_s)
     low_pass, nothing = _low_pass(fired, signals), still(signals.times_s.size)
@@ -173,7 +180,6 @@ def check_motion(
     zero_by_camera
         Whether the camera shows a shift of the accelerometer's zero; if not, the forces do.
     """
-    on_a_line = fired.rig.mechanism.on_a_line
     role = recoil.regression.motion_role if recoil.regression is not None else "recoil_acceleration"
     accelerometer = fired.shot.by_role(role)
     if accelerometer is None:
@@ -183,17 +189,13 @@ def check_motion(
         yield QualityCheck("shot", Check.FORCE, "fail", recoil.force_problem)
     if recoil.sign is not None:
         yield QualityCheck(name, Check.FORCE_SIGN, *recoil.sign)
-    if recoil.regression is not None and on_a_line and not recoil.turned:
-        skew = _skew(recoil, recoil.regression)
-        if skew is not None:
-            yield QualityCheck(name, Check.SKEW, *skew)
-        return
     if recoil.regression is not None and not recoil.turned:
-        for check, outcome in _impulses(recoil, recoil.regression, fired.rig, accelerometer.u_rel):
-            yield QualityCheck("shot", check, *outcome)
-        shift = None if zero_by_camera else _zero_shift(recoil, recoil.regression, fired.rig)
-        if shift is not None:
-            yield QualityCheck(name, Check.ZERO_SHIFT, *shift)
+        if fired.rig.mechanism.recoils_once:
+            for check, outcome in _impulses(recoil, recoil.regression, fired.rig, accelerometer.u_rel):
+                yield QualityCheck("shot", check, *outcome)
+            shift = None if zero_by_camera else _zero_shift(recoil, recoil.regression, fired.rig)
+            if shift is not None:
+                yield QualityCheck(name, Check.ZERO_SHIFT, *shift)
         skew = _skew(recoil, recoil.regression)
         if skew is not None:
             yield QualityCheck(name, Check.SKEW, *skew)
@@ -214,7 +216,7 @@ def against_specification(fired: FiredShot) -> Shot:
     recoil = recoil_of(fired, {a.clock: a for a in fired.shot.alignments})
     if accelerometer is None or recoil is None or recoil.regression is None or recoil.turned:
         return fired.shot
-    if fired.rig.mechanism.on_a_line:  # which has no such checks
+    if not fired.rig.mechanism.recoils_once:  # which has no such checks
         return fired.shot
     anew = dict(_impulses(recoil, recoil.regression, fired.rig, accelerometer.u_rel))
     quality = (

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.files.shot_name import numbers_of
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.remark import Caution
 from recoil_acquisition.shot import Check, ClockAlignment, QualityCheck, Shot
-from recoil_acquisition.shot_name import numbers_of
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.shot.onset import find_onset
@@ -31,9 +31,9 @@ from recoil_processing.shot.verdict.camera_quality import (
 from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, check_channel
 from recoil_processing.shot.verdict.influence import weighed
 from recoil_processing.shot.verdict.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
-from recoil_rigs.calibration_day import CalibrationDay
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.calibration_day import CalibrationDay
 
 Array = NDArray[np.float64]
 
@@ -114,13 +114,15 @@ def _channels(
     zero_by_camera: bool,
 ) -> list[QualityCheck]:
     """Check every channel by itself, and then those of one motion against one another."""
-    on_a_line = fired.rig.mechanism.on_a_line
+    mechanism = fired.rig.mechanism
     camera = fired.shot.by_role("recoil_displacement")
-    rest_s = None if camera is None or on_a_line else rest_after(camera, by_clock.get(camera.time_base.clock))
+    rest_s = None
+    if camera is not None and mechanism.recoils_once:
+        rest_s = rest_after(camera, by_clock.get(camera.time_base.clock))
     breech = fired.shot.by_role("breech_pressure")
     driven = None
     if breech is not None and np.isfinite(breech.samples).any():
-        driven = fired.rig.mechanism.force_areas[0] * float(np.nanmax(breech.samples)) / fired.rig.mechanism.m3
+        driven = mechanism.force_areas[0] * float(np.nanmax(breech.samples)) / mechanism.m3
     checks = []
     for channel in fired.shot.channels.values():
         clock = channel.time_base.clock
@@ -138,17 +140,16 @@ def _channels(
         )
         source = fired.rig.source(clock)
         if source.kind == "camera" and not {check for check, _ in found} & {Check.CONSTANT, Check.LOSSES}:
-            found += check_track(
-                channel, fired.rig.channel(channel.name), source, recordings.get(clock), on_a_line=on_a_line
-            )
+            spec, recording = fired.rig.channel(channel.name), recordings.get(clock)
+            found += check_track(channel, spec, source, recording, from_battery=mechanism.recoils_once)
             found += check_fusion(channel, alignment)
-            if not on_a_line:
+            if mechanism.mounted:
                 found += _against_camera(channel, fired.rig, alignment, recoil)
         checks += [QualityCheck(channel.name, check, verdict, detail) for check, (verdict, detail) in found]
-    seen_by_camera = recoil is not None and not (recoil.turned or fired.rig.camera_on_ground or on_a_line)
-    if recoil is not None and camera is not None and seen_by_camera:
+    seen_along = mechanism.mounted and not fired.rig.camera_on_ground
+    if recoil is not None and camera is not None and seen_along and not recoil.turned:
         checks += check_carriage_by_camera(fired, recoil, camera, by_clock.get(camera.time_base.clock))
-    if camera is not None and not on_a_line and fired.shot.by_role("recoil_acceleration") is None:
+    if camera is not None and mechanism.mounted and fired.shot.by_role("recoil_acceleration") is None:
         checks.append(QualityCheck(camera.name, Check.SECOND_SENSOR, "warn", UNCHECKED))
     if recoil is not None:
         checks += check_motion(fired, recoil, rest_s, zero_by_camera=zero_by_camera)
@@ -181,9 +182,9 @@ def _file_names(recordings: Mapping[str, Recording]) -> list[QualityCheck]:
 
 
 def _onset(fired: FiredShot, alignments: Mapping[str, ClockAlignment], checks: list[QualityCheck]) -> float | None:
-    """Onset of force on the reference clock; a shot without one fails, but for a body that moves from the first on."""
+    """Onset of force on the reference clock; a shot without one fails, but for what may move from the first on."""
     shot = fired.shot
-    if fired.rig.mechanism.on_a_line:
+    if not fired.rig.mechanism.recoils_once:
         return _rest_s(fired, alignments, checks)
     series = {
         role: c.measured
@@ -203,7 +204,7 @@ def _onset(fired: FiredShot, alignments: Mapping[str, ClockAlignment], checks: l
 
 
 def _rest_s(fired: FiredShot, alignments: Mapping[str, ClockAlignment], checks: list[QualityCheck]) -> float | None:
-    """Return the end of the rest that the record of a body on a line begins with; None without any."""
+    """Return the end of the rest that a record begins with; None without any."""
     try:
         signals = collect_signals(fired, alignments)
     except IdentificationError as error:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.mdf.channel_groups import (
     INVALIDATION,
@@ -24,7 +25,6 @@ from recoil_acquisition.readers.mdf.reader import MdfReader
 from recoil_acquisition.readers.mdf.records import Records
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.timebase import TimeBase
 from tests.builders.mdf_logs import Blocks, identification_block
 from tests.builders.opened_files import open_bytes
 

@@ -7,7 +7,7 @@ import pytest
 
 from recoil_identification.targets.arx.decimated_record import decimated, force_noise_n
 from recoil_processing.filters import LowPass
-from recoil_rigs.force_input import AREAS
+from recoil_rigs.tables.force_input import AREAS
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_regression, bench_rig, bench_shot, bench_signals
 
 AREAS_M2 = {area: getattr(bench_rig().mechanism, area) for area in AREAS}

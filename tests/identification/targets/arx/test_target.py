@@ -11,7 +11,7 @@ from recoil_identification.targets import target_function
 from recoil_identification.targets.arx.target import find
 from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
 SHOTS = [("field-2013", 3), ("mixed", 3)]

@@ -12,7 +12,7 @@ from recoil_identification.targets import target_function
 from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.forces.force_record import force_record
 from recoil_identification.targets.target import Case
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import draw_scene
 from tests.builders.virtual_shots import VirtualShot, virtual_shot, without_channels
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from recoil_identification.targets.parameters.base_parameters import identifiable_part, structural_base
 from recoil_identification.targets.parameters.mechanism_fit import PREFERRED, natural_scales, structural_parameters
 from recoil_identification.targets.parameters.tables import expressions
-from recoil_rigs.mechanism_regressor import PARAMETERS, Geometry, regressor
+from recoil_rigs.mechanism.mechanism_regressor import PARAMETERS, Geometry, regressor
 from recoil_rigs.rig import load_rig
 
 GEOMETRY = Geometry.of(load_rig("field-2013").mechanism)

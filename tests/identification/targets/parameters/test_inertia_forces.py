@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from recoil_identification.targets.parameters.inertia_forces import FORCES, inertia_forces, mass_alone, peak, with_mass
-from recoil_rigs.mechanism import specific_acceleration
-from recoil_rigs.mechanism_regressor import Geometry, standard_parameters
+from recoil_rigs.mechanism.mechanism_regressor import Geometry, standard_parameters
+from recoil_rigs.mechanism.model import specific_acceleration
 from recoil_rigs.rig import load_rig
 
 MECHANISM = load_rig("field-2013").mechanism

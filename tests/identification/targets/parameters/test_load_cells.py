@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from recoil_identification.targets.parameters.load_cells import LOAD_CELLS, lost_equations, usable_equations
-from recoil_rigs.mechanism_regressor import EQUATIONS, LOADS, Geometry, load_directions
+from recoil_rigs.mechanism.mechanism_regressor import EQUATIONS, LOADS, Geometry, load_directions
 from recoil_rigs.rig import load_rig
 
 GEOMETRY = Geometry.of(load_rig("field-2013").mechanism)

@@ -14,7 +14,7 @@ from recoil_identification.targets.parameters.mechanism_rows import MechanismRow
 from recoil_identification.targets.parameters.recorded_rows import mechanism_rows
 from recoil_identification.targets.target import Case
 from recoil_processing.filters import LowPass
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.load_cell_rigs import weighed_shot
 
 NOISE_SHARE = 0.15

@@ -11,8 +11,8 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_identification.targets.parameters.load_cells import LOAD_CELLS
 from recoil_identification.targets.parameters.target import find
 from recoil_identification.targets.target import Case
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.mechanism_regressor import standard_parameters
+from recoil_rigs.mechanism.mechanism_regressor import standard_parameters
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.load_cell_rigs import weighed_shot
 from tests.builders.virtual_shots import with_channels, without_channels
 

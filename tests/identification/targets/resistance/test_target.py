@@ -10,7 +10,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_identification.targets import target_function
 from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import read_settings
 from tests.builders.virtual_shots import VirtualShot, virtual_shot, without_channels
 

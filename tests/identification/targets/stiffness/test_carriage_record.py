@@ -12,8 +12,8 @@ from recoil_identification.shot.preparation import prepare
 from recoil_identification.targets.stiffness.carriage_record import MOTION_ROLES, carriage_record, with_response
 from recoil_identification.targets.stiffness.supports import PARAMETERS, Assumptions, supports_of
 from recoil_processing.filters.analog_filter import AnalogLowPass
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot, without_channels
 
 STEP = 2e-4

@@ -18,7 +18,7 @@ from recoil_identification.targets.stiffness.mechanism_loads import (
     rest_loads,
     state_of,
 )
-from recoil_rigs.mechanism import accelerations, generalized_forces
+from recoil_rigs.mechanism.model import accelerations, generalized_forces
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin.instruments import truth
 from recoil_rigs.twin.motion import simulate_motion

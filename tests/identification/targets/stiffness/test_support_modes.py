@@ -14,7 +14,7 @@ from recoil_identification.targets.stiffness.support_modes import (
     ground_modes,
     tipping_mode,
 )
-from recoil_rigs.mechanism import mass_matrix
+from recoil_rigs.mechanism.model import mass_matrix
 from recoil_rigs.rig import load_rig
 
 MECHANISM = load_rig("field-2013").mechanism

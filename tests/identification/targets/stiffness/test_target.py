@@ -17,7 +17,7 @@ from recoil_identification.targets.stiffness.support_modes import DERIVED, deriv
 from recoil_identification.targets.stiffness.supports import PARAMETERS
 from recoil_identification.targets.stiffness.target import NAMES, find, judge
 from recoil_identification.targets.target import Case
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
 TRUE = dict(zip(SYMBOLS, (2e6, 2.5e4, 3e7, 2e5, 0.25, 3e7, 2e5, 3e7, 2e5), strict=True))

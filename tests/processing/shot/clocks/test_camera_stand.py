@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import pytest
 
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.remark import ReasonCode
-from recoil_acquisition.timebase import TimeBase
 from recoil_processing.shot.clocks.motion_clocks import allowed_drift
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.mass_reasons import doubted_clocks
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.ground_shots import ground_shot
 from tests.builders.virtual_shots import virtual_shot
 

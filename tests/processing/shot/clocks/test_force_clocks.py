@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recoil_acquisition.timebase import TimeBase
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_processing.shot.clocks.force_clocks import recoil_only
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.tracked_rigs import tracked_shot
 from tests.builders.virtual_shots import with_channels, without_channels
 

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.channel import Channel
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_acquisition.timebase import TimeBase
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.double_integral import integrate
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import ELEVATION_RAD, GRAVITY_M_S2, bench_motion, bench_rig, bench_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 

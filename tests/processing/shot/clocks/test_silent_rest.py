@@ -11,7 +11,7 @@ from recoil_processing.alignment.align import judge_motion
 from recoil_processing.alignment.motion_alignment import INFLATIONS, align_motion
 from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.motions import record_motion
 from tests.builders.virtual_shots import virtual_shot, with_channels
 

@@ -14,8 +14,8 @@ from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
 from recoil_acquisition.shot import QualityCheck
 from recoil_processing.shot.verdict.acquisition_quality import check_acquisition, check_clock_fits
 from recoil_processing.shot.verdict.shot_quality import check_shot
-from recoil_rigs.calibration_day import CalibrationDay, DayOf
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from tests.builders.bench_shots import ArrayRecording, bench_rig, bench_shot
 from tests.builders.shots import CLOCK_FIT, acquired_source, make_acquisition
 

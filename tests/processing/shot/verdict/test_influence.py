@@ -15,8 +15,8 @@ from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.verdict.influence import LEAST_INFLUENCE, least_u_rel, weighed
 from recoil_processing.shot.verdict.motion_quality import recoil_of
 from recoil_processing.shot.verdict.shot_quality import check_shot
-from recoil_rigs.calibration_day import CalibrationDay, DayOf
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from tests.builders.virtual_shots import VirtualShot, identified, virtual_shot
 
 ON = CalibrationDay(dt.date(2026, 6, 1), DayOf.START)

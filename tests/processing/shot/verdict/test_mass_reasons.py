@@ -11,8 +11,8 @@ from recoil_acquisition.remark import ReasonCode
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.shot.verdict.mass_reasons import against_the_record
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from recoil_acquisition.shot import QualityCheck, Shot
 from recoil_processing.shot.verdict.shot_quality import check_shot
-from recoil_rigs.calibration_day import CalibrationDay, DayOf
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from tests.builders.bench_shots import ArrayRecording, bench_motion, bench_rig, bench_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 

@@ -1,0 +1,52 @@
+"""First instant of force by the kind of mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from functools import singledispatch
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_processing.shot.line_motion import acceleration_on_line, driven_s
+from recoil_processing.shot.onset import find_onset
+from recoil_rigs.mechanism.line import Line
+from recoil_rigs.mechanism.mechanism_parameters import Mechanism
+
+Array = NDArray[np.float64]
+
+
+@singledispatch
+def onset_s(
+    mechanism: Mechanism,  # noqa: ARG001 - by whose kind it is found
+    grid_s: Array,
+    series: Mapping[str, Array],
+    forces: Collection[str],  # noqa: ARG001 - of a line
+) -> float:
+    """Return the first instant of force, s.
+
+    Parameters
+    ----------
+    grid_s : ndarray, shape (n,)
+        Instants, evenly spaced.
+    series : mapping of str to ndarray, shape (n,)
+        Readings by role, or name of a force.
+    forces
+        Names of the forces.
+
+    Raises
+    ------
+    IdentificationError
+        If nothing shows one.
+    """
+    return find_onset(grid_s, series)
+
+
+@onset_s.register
+def _end_of_rest_s(mechanism: Line, grid_s: Array, series: Mapping[str, Array], forces: Collection[str]) -> float:
+    """Return the instant at which a rest ends, the record's first one without any."""
+    static = mechanism.at_rest["recoil_acceleration"]
+    acceleration = acceleration_on_line(series, float(grid_s[1] - grid_s[0]), static)
+    if acceleration is None:
+        return float(grid_s[0])
+    return driven_s(grid_s, acceleration, [series[name] for name in forces if name in series], static)[0]

@@ -1,0 +1,1 @@
+"""The armed screen, and the plain log where there is none."""

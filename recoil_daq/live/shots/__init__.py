@@ -1,0 +1,1 @@
+"""Shots after the trigger: their conversion, their mass, and the files that are dropped beside them."""

@@ -1,0 +1,1 @@
+"""Faults of a rig file that are found beyond its single values."""

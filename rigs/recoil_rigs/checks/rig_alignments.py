@@ -1,0 +1,176 @@
+"""Checks of a source's alignment against the rig's channels: clocks, roles, quantities that compare."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from recoil_acquisition.errors import Fault, FaultCode, KeyPath, did_you_mean
+from recoil_rigs.tables.rig_tables import (
+    MOTIONS,
+    ChannelSpec,
+    ExposureAlignment,
+    MotionAlignment,
+    RedundantAlignment,
+    Source,
+    TriggerAlignment,
+    names_in,
+)
+
+FORCE_ROLE = "breech_pressure"
+"""Role that stands for the forces, which drive the motion that a camera sees."""
+
+
+def motion_channels(
+    source: str, channel: str | None, against: str, channels: Sequence[ChannelSpec]
+) -> list[ChannelSpec]:
+    """Return the channels of a source that its alignment by motion may mean, the likeliest first.
+
+    Parameters
+    ----------
+    channel
+        Name of the channel that the rig names; None if it names none.
+    against
+        Name of the channel of the reference clock.
+
+    Returns
+    -------
+    list of ChannelSpec
+        Channels that may be compared: the named one alone; else the one with the role of the recoil's travel, and any
+        of a quantity that compares.
+    """
+    if channel is not None:
+        return [c for c in channels if c.name == channel]
+    reference = next((c for c in channels if c.name == against), None)
+    if reference is None:
+        return []
+    if reference.role == FORCE_ROLE:
+        return [c for c in channels if c.source == source and c.role == "recoil_displacement"]
+    fitting = [c for c in channels if c.source == source and reference.quantity in MOTIONS.get(c.quantity, ())]
+    return sorted(fitting, key=lambda c: (c.role != "recoil_displacement", c.quantity != "displacement"))
+
+
+def faults_of_alignment(
+    where: KeyPath, source: Source, reference: str, channels: Sequence[ChannelSpec], tables: Mapping[str, Any]
+) -> list[Fault]:
+    """Check a source's alignment.
+
+    Parameters
+    ----------
+    where
+        Key of the alignment.
+    source
+        Source that is aligned, not that of the reference clock.
+    reference
+        Name of the reference clock.
+    channels
+        Channels of the rig that are sound.
+    tables
+        Tables of the whole rig file.
+    """
+    align, faults = source.align, []
+    names = names_in(tables, "channel")
+    clocks = set(names_in(tables, "source"))
+    by_name = {channel.name: channel for channel in channels}
+    # A faulty channel is not judged twice: what it might have been is unknown
+    rows = tables.get("channel")
+    complete = isinstance(rows, list) and len(channels) == len(rows)
+
+    def unfit(problem: str, *key: str) -> Fault:
+        return Fault((*where, *key), problem, FaultCode.CONTRADICTION)
+
+    def check(key: str, name: str | None, clock: str, whose: str) -> ChannelSpec | None:
+        if name is None:
+            return None
+        if name not in names:
+            problem = f"{name!r} is no channel; {did_you_mean(name, names)}"
+            faults.append(Fault((*where, key), problem, FaultCode.UNKNOWN))
+        elif name in by_name and by_name[name].source in clocks - {clock}:
+            faults.append(unfit(f"{name!r} must be a channel of {whose}", key))
+        return by_name.get(name)
+
+    of_reference = f"the reference clock {reference!r}"
+    against = own = None
+    if isinstance(align, MotionAlignment | RedundantAlignment | ExposureAlignment):
+        against = check("against", align.against, reference, of_reference)
+    if isinstance(align, MotionAlignment | RedundantAlignment | TriggerAlignment):
+        own = check("channel", align.channel, source.name, "this source")
+    if isinstance(align, ExposureAlignment):
+        pulses = check("channel", align.channel, reference, of_reference)
+        if pulses and pulses.source == reference and pulses.quantity not in ("voltage", "count"):
+            faults.append(unfit(f"{pulses.name!r} must be a voltage, found {pulses.quantity}", "channel"))
+        if against and against.quantity != "acceleration" and against.role != FORCE_ROLE:
+            faults.append(unfit(f"{against.name!r} must be an acceleration, found {against.quantity}", "against"))
+    if isinstance(align, RedundantAlignment) and own and against:
+        if own.quantity != against.quantity:
+            faults.append(unfit(f"a channel of {own.quantity} does not repeat one of {against.quantity}"))
+        faults += _faults_of_bodies(where, own, against)
+    if isinstance(align, MotionAlignment) and against:
+        faults += _faults_of_motion(where, source, align, own, against, channels if complete else None)
+    triggered = any(c.source == reference and c.role == "trigger" for c in channels)
+    if isinstance(align, TriggerAlignment) and complete and not triggered:
+        problem = f"no channel of the reference clock {reference!r} has the role `trigger`"
+        faults.append(Fault(where, problem, FaultCode.MISSING))
+    return faults
+
+
+def _faults_of_motion(
+    where: KeyPath,
+    source: Source,
+    align: MotionAlignment,
+    own: ChannelSpec | None,
+    against: ChannelSpec,
+    channels: Sequence[ChannelSpec] | None,
+) -> list[Fault]:
+    """Check that a source has one channel whose motion the reference clock has in another quantity."""
+    if own is not None and own.quantity == against.quantity:
+        problem = f"{own.name!r} repeats {against.name!r}: the method for one and the same quantity is `redundant`"
+        return [Fault((*where, "method"), problem, FaultCode.CONTRADICTION)]
+    if against.role == FORCE_ROLE:
+        return _faults_of_force(where, source, own, channels)
+    comparable = [quantity for quantity, others in MOTIONS.items() if against.quantity in others]
+    if not comparable or (source.kind == "camera" and against.quantity != "acceleration"):
+        problem = f"{against.name!r} must be an acceleration, found {against.quantity}"
+        if source.kind != "camera":
+            problem = f"{against.name!r} must be of a motion, found {against.quantity}"
+        return [Fault((*where, "against"), problem, FaultCode.CONTRADICTION)]
+    if own is not None:
+        if own.quantity not in comparable:
+            problem = f"a channel of {own.quantity} is not the motion of one of {against.quantity}"
+            problem += f"; compared are {' and '.join(comparable)}"
+            return [Fault(where, problem, FaultCode.CONTRADICTION)]
+        return _faults_of_bodies(where, own, against)
+    if align.channel is not None or channels is None:
+        return []
+    found = motion_channels(source.name, None, against.name, channels)
+    if not found:
+        kinds = ["displacement"] if source.kind == "camera" else comparable
+        problem = f"motion needs a {' or '.join(kinds)} channel of this source"
+        return [Fault(where, problem, FaultCode.MISSING)]
+    if len(found) > 1 and found[0].quantity != "displacement":
+        problem = f"is needed: {', '.join(c.name for c in found)} may all be meant"
+        return [Fault((*where, "channel"), problem, FaultCode.AMBIGUOUS)]
+    return _faults_of_bodies(where, found[0], against)
+
+
+def _faults_of_force(
+    where: KeyPath, source: Source, own: ChannelSpec | None, channels: Sequence[ChannelSpec] | None
+) -> list[Fault]:
+    """Check that a source has the travel that the forces drive."""
+    role = "recoil_displacement"
+    if own is not None:
+        problem = f"{own.name!r} must have the role {role}"
+        return [] if own.role == role else [Fault((*where, "channel"), problem, FaultCode.CONTRADICTION)]
+    if channels is not None and not any(c.source == source.name and c.role == role for c in channels):
+        problem = f"motion against the forces needs a channel of role {role} of this source"
+        return [Fault(where, problem, FaultCode.MISSING)]
+    return []
+
+
+def _faults_of_bodies(where: KeyPath, own: ChannelSpec, against: ChannelSpec) -> list[Fault]:
+    """Refuse to compare channels whose roles are of two bodies."""
+    bodies = [channel.role.partition("_")[0] for channel in (own, against)]
+    if all(bodies) and bodies[0] != bodies[1]:
+        problem = f"{own.name!r} is of the {bodies[0]} part, {against.name!r} of the {bodies[1]} part"
+        return [Fault(where, problem, FaultCode.CONTRADICTION)]
+    return []

@@ -1,0 +1,160 @@
+"""Identity of what is handed over: who issues a report, for whom, under which number, and with which tolerance.
+
+It stands in the table ``[report]`` of a rig file, or in a file of its own that is given with ``--header`` and says what
+the rig does not. All of it is input: a report that is made again says the same.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.declaration import DeclaredTable, Pair, Text, Texts, declared
+from recoil_acquisition.errors import Fault, FaultCode, KeyPath, ReadError, RigError
+from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
+from recoil_acquisition.files.regular_file import read_small
+from recoil_acquisition.quantity import find_unit
+
+REPORT = "report"
+"""Name of the table in a rig file, and in a header file where it is a table there."""
+LARGEST_LOGO = 200_000
+"""Bytes of a logo's picture, beyond which it is refused: it is in every report."""
+DISPLAYED = ("acceleration", "angular_rate", "displacement", "force", "pressure", "velocity")
+"""Quantities whose unit on pages and paper can be chosen."""
+PICTURES = {"png": b"\x89PNG\r\n\x1a\n", "jpeg": b"\xff\xd8\xff"}
+"""Kinds of pictures that a logo may be, and how their files begin."""
+
+_DATA = re.compile(r"data:image/(png|jpeg);base64,([A-Za-z0-9+/=]+)")
+
+
+class Issue(DeclaredTable):
+    """Identity of a report, and the tolerance of the mass; what is left out is not on the report."""
+
+    laboratory: Text | None = None
+    """Laboratory that issues the report, with its address."""
+    customer: Text | None = None
+    """Customer for whom the mass was found."""
+    order: Text | None = None
+    """Order under which it was found."""
+    number: Text | None = None
+    """Number of the report."""
+    issue: Text | None = None
+    """Issue of the report, and its date: "1, 2026-11-26"."""
+    approval: Text | None = None
+    """Name of who approves the report, and when."""
+    remark: Text | None = None
+    """Sentence that the reader should see."""
+    logo: Text | None = None
+    """Picture of the laboratory, PNG or JPEG: ``data:image/png;base64,..``; in a header file also the name of a file
+    beside it."""
+    concession: Text | None = None
+    """Sentence on who accepts a result that is not valid or does not conform, and why: "accepted by .. because .."."""
+    tolerance_kg: Pair | None = None
+    """Tolerance ``[lower, upper]`` of the mass about the specification, kg."""
+    units: Texts | None = None
+    """Units of figures, peaks and sentences, one of each quantity: ``["bar", "g", "lbf"]``; SI of the others. Documents
+    and tables for machines stay in SI, and masses in kg."""
+
+    def contradictions(self) -> Sequence[tuple[str | KeyPath, str]]:
+        """Return what is wrong with a tolerance or a logo."""
+        found: list[tuple[str | KeyPath, str]] = []
+        if self.tolerance_kg is not None and not self.tolerance_kg[0] < self.tolerance_kg[1]:
+            found.append(("tolerance_kg", "must be [lower, upper] about the specification, such as [-4.0, 4.0]"))
+        found += [("units", problem) for problem in _faults_of_units(self.units or ())]
+        if self.logo is not None and (problem := _fault_of_logo(self.logo)):
+            found.append(("logo", problem))
+        return found
+
+    def over(self, other: Issue) -> Issue:
+        """Return both as one: what this one leaves out is the other's."""
+        return Issue.model_validate(other.to_json() | self.to_json())
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what is stated, in JSON types."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+
+NOTHING_STATED = Issue()
+"""Identity of a report of which nothing is stated."""
+
+
+def checked_issue(tables: Mapping[str, Any], faults: list[Fault]) -> Issue:
+    """Validate ``[report]``; faults are appended."""
+    table = tables.get(REPORT, {})
+    if not isinstance(table, dict):
+        faults.append(Fault((REPORT,), "must be a table", FaultCode.TYPE))
+        return NOTHING_STATED
+    return declared(Issue, table, (REPORT,), faults) or NOTHING_STATED
+
+
+def read_header(path: Path) -> Issue:
+    """Read a header file: the keys of ``[report]``, with the table's name above them or without.
+
+    Raises
+    ------
+    ReadError
+        If there is no such file, or its logo cannot be read.
+    RigError
+        With every fault of the file.
+    """
+    if not path.exists():
+        raise ReadError("no such header file", path=path, expected="a TOML file with the keys of a rig's [report]")
+    try:
+        tables = parse_toml(read_small(path, LARGEST_BYTES, "a header file").decode("utf-8-sig"))
+    except ValueError as error:
+        raise RigError(path, [Fault(("TOML",), str(error), FaultCode.SYNTAX)]) from error
+    table = tables.get(REPORT, {}) if set(tables) == {REPORT} else dict(tables)
+    if not isinstance(table, dict):
+        raise RigError(path, [Fault((REPORT,), "must be a table", FaultCode.TYPE)])
+    faults: list[Fault] = []
+    logo = table.get("logo")
+    if isinstance(logo, str) and _DATA.fullmatch(logo) is None:
+        table["logo"] = _picture(path.parent / logo)
+    found = declared(Issue, table, (REPORT,), faults)
+    if found is None:
+        raise RigError(path, faults)
+    return found
+
+
+def _picture(path: Path) -> str:
+    """Return a picture's file as ``data:``."""
+    try:
+        there = path.is_file()
+    except OSError:  # no system has a file of such a name
+        there = False
+    if not there:
+        raise ReadError("no such picture", path=path, expected="a PNG or JPEG file beside the header file")
+    content = read_small(path, LARGEST_LOGO, "a logo")
+    kind = next((kind for kind, head in PICTURES.items() if content.startswith(head)), None)
+    if kind is None:
+        raise ReadError("is no picture of a logo", path=path, expected="PNG or JPEG", remedy="save it as PNG")
+    return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def _faults_of_units(units: Sequence[str]) -> Iterator[str]:
+    """Say what is wrong with units that were chosen."""
+    known = [(name, find_unit(name)) for name in units]
+    of: dict[str, str] = {}
+    for name, unit in known:
+        quantity = next((one for one in DISPLAYED if unit is not None and unit.quantities == {one}), None)
+        if quantity is None:
+            yield f'must be units of {", ".join(DISPLAYED)}, such as "bar"; found {name!r}'
+        elif of.setdefault(quantity, name) != name:
+            yield f"must be one unit of each quantity; of {quantity} there are {of[quantity]!r} and {name!r}"
+
+
+def _fault_of_logo(logo: str) -> str:
+    found = _DATA.fullmatch(logo)
+    if found is None:
+        return 'must be "data:image/png;base64,..", or the name of a PNG or JPEG file in a file given with --header'
+    try:
+        content = base64.b64decode(found[2], validate=True)
+    except binascii.Error:
+        return "is no base64"
+    if len(content) > LARGEST_LOGO:
+        return f"has {len(content):,} bytes, more than {LARGEST_LOGO:,}: make the picture smaller"
+    return "" if content.startswith(PICTURES[found[1]]) else f"is no {found[1].upper()} picture"
