@@ -40,7 +40,7 @@ StandaloneOption = Annotated[
     bool, typer.Option("--standalone", help="Write each page as one file that needs no other, to send or to keep.")
 ]
 MethodOption = Annotated[
-    Literal["calibrated", "reverse", "forward", "paper", "camera", "tls", "ar-gls", "weak"] | None,
+    Literal["calibrated", "reverse", "forward", "paper", "camera", "tls"] | None,
     typer.Option(
         help="Estimator of the reported mass. `paper` is the published one: unfiltered, force on acceleration.",
         show_default="calibrated; camera without an accelerometer on the recoiling part",

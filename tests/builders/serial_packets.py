@@ -69,7 +69,7 @@ def decoded(framing: Any, reads: Sequence[tuple[float | None, bytes]]) -> tuple[
 
 
 def taken(framing: Any, reads: Sequence[tuple[float | None, bytes]]) -> tuple[list[tuple[int, bytes]], FrameCounters]:
-    """Take frames by blocks after each read, as their ends and bytes."""
+    """Take the frames after each read, as their ends and bytes."""
     decoder = FrameDecoder(framing)
     sets = []
     for host_s, data in reads:

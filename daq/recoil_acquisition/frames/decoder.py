@@ -3,9 +3,6 @@
 How the stream is cut into pieces changes nothing. After a bad checksum the search goes on one byte
 further, not one frame further: the bytes that failed may hold the beginning of a good frame. Where a
 delimiter or a silence bounds a frame, the search goes on behind that.
-
-`FrameDecoder.next_frame` is the definition: it goes from frame to frame. `FrameDecoder.take` gives the same
-frames by blocks where the bytes hold many (`frames.block`), and leaves everything else to `next_frame`.
 """
 
 from __future__ import annotations
@@ -14,7 +11,6 @@ from collections import deque
 from dataclasses import replace
 
 from recoil_acquisition.frames.acceptance import Acceptance
-from recoil_acquisition.frames.block import block_for
 from recoil_acquisition.frames.frame_set import Frame, FrameCollection, FrameCounters, FrameSet
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.search import NEED_DATA, Found, Search, search_for
@@ -33,7 +29,6 @@ class FrameDecoder:
         self._skipped_before: int | None = None
         self._heard_s: float | None = None
         self._closed = False
-        self._block = block_for(self._search, framing, self._acceptance, self.counters)
 
     def feed(self, data: bytes, host_s: float | None = None) -> None:
         """Add the bytes of one read of the port.
@@ -103,19 +98,10 @@ class FrameDecoder:
 
     def take_into(self, frames: FrameCollection) -> None:
         """Add all good frames that the bytes so far hold and that were not returned before."""
-        while True:
-            while self._take_block(frames):
-                pass
-            frame = self.next_frame()
-            if frame is NEED_DATA:
-                return
-            frames.add(frame)
-
-    def _take_block(self, frames: FrameCollection) -> bool:
-        """Take many frames at the front if there are; return whether there may be more."""
-        if self._block is None or self._skipped_before is not None:
-            return False
-        return self._block.take(self._break() if self._breaks else len(self._buffer), frames)
+        found = []
+        while (frame := self.next_frame()) is not NEED_DATA:
+            found.append(frame)
+        frames.add(found)
 
     def _received(self, frame: Frame) -> Frame:
         self.counters.received += 1

@@ -109,29 +109,15 @@ class FrameCollection:
         self._pieces: list[bytes] = []
         self._lengths: list[NDArray[np.int64]] = []
         self._ends: list[NDArray[np.int64]] = []
-        self._single: list[Frame] = []
 
-    def add(self, frame: Frame) -> None:
-        """Add one frame."""
-        self._single.append(frame)
-
-    def add_block(self, data: bytes, lengths: NDArray[np.int64], ends: NDArray[np.int64]) -> None:
-        """Add many frames: their bytes without anything between them, and each one's length and end."""
-        self._close_singles()
-        self._pieces.append(data)
-        self._lengths.append(lengths)
-        self._ends.append(ends)
+    def add(self, frames: list[Frame]) -> None:
+        """Add frames, in less room than each one takes alone."""
+        self._pieces.append(b"".join(frame.data for frame in frames))
+        self._lengths.append(np.array([len(frame.data) for frame in frames], dtype=np.int64))
+        self._ends.append(np.array([frame.end for frame in frames], dtype=np.int64))
 
     def together(self, counters: FrameCounters) -> FrameSet:
         """Return the frames as one set."""
-        self._close_singles()
         none = np.zeros(0, dtype=np.int64)
         lengths, ends = np.concatenate([none, *self._lengths]), np.concatenate([none, *self._ends])
         return FrameSet(b"".join(self._pieces), np.cumsum(lengths) - lengths, lengths, ends, counters)
-
-    def _close_singles(self) -> None:
-        if self._single:
-            self._pieces += [frame.data for frame in self._single]
-            self._lengths.append(np.array([len(frame.data) for frame in self._single], dtype=np.int64))
-            self._ends.append(np.array([frame.end for frame in self._single], dtype=np.int64))
-            self._single.clear()

@@ -55,7 +55,7 @@ from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncerta
 from recoil_processing.shot.signals import Signals
 
 Array = NDArray[np.float64]
-Method = Literal["calibrated", "reverse", "forward", "paper", "camera", "tls", "ar-gls", "weak"]
+Method = Literal["calibrated", "reverse", "forward", "paper", "camera", "tls"]
 """Name of a method that gives a mass."""
 METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")
 """Methods computed for every shot with forces and an accelerometer on the recoiling part. The default is then
@@ -64,10 +64,10 @@ adds its own."""
 CAMERA_METHODS: tuple[Method, ...] = ("camera",)
 """Methods computed for a shot with forces and a camera, but no such accelerometer: the default then. They may be asked
 for where there is one: nothing of the accelerometer is used then but, if the rig says so, for the camera's clock."""
-FURTHER: tuple[Method, ...] = ("tls", "ar-gls", "weak")
-"""Methods computed when asked for, see `recoil_identification.estimators.estimates`."""
-AS_RECORDED: tuple[Method, ...] = ("paper", "ar-gls", "weak")
-"""Methods whose mass is of the signals as recorded, behind no low-pass."""
+FURTHER: tuple[Method, ...] = ("tls",)
+"""Methods computed when asked for, see `recoil_identification.estimators.total_least_squares`."""
+AS_RECORDED = ("paper", "ar-gls", "weak")
+"""Methods whose mass is of the signals as recorded, behind no low-pass; the last two are those of older reports."""
 
 MOST_ROWS = 2000
 """Rows of the motion beyond which each second, third ... counts: their correlation is a matrix."""

@@ -18,7 +18,7 @@ SPAN_COLOUR = "rgba(110,130,160,0.11)"
 FIRED_COLOUR = "rgb(185,35,85)"
 MARK_COLOUR = "rgb(139,147,160)"
 
-METHODS = ("calibrated", "reverse", "kinematic", "paper", "camera", "forward", "tls", "ar-gls", "weak")
+METHODS = ("calibrated", "reverse", "kinematic", "paper", "camera", "forward", "tls")
 """Their places are their hues: a method has one look in every report."""
 
 LOG_DECADES = 10  # below the largest value; what lies deeper is the arithmetic's, not the recorder's

@@ -63,8 +63,6 @@ METHOD_NOTES = {
     "kinematic": "as reverse, with the acceleration from the camera's displacement",
     "paper": "force on acceleration, unfiltered, as published in 2013: low by errors in variables",
     "tls": "total least squares behind the low-pass, the noises' ratio from the baseline; over time as reverse",
-    "ar-gls": "acceleration on force as recorded, with autoregressive errors; over time as reverse",
-    "weak": "averages over test functions of finite reach, as recorded; over time as reverse",
 }
 
 

@@ -80,14 +80,6 @@ _MASSES: Mapping[str, Formula] = {
         "total least squares of F = m a, with the ratio of the noises known from the baseline",
         "W. E. Deming, Statistical Adjustment of Data, 1943", _BY_FILTER, MOTION, OF_FORCES,
     ),
-    "ar-gls": Formula(
-        "a = F / m + e by generalized least squares, e autoregressive",
-        "D. Cochrane and G. H. Orcutt, J. Am. Stat. Assoc. 44, 1949", ("interval_s",), MOTION, OF_FORCES,
-    ),
-    "weak": Formula(
-        "m <phi, a> = <phi, F> over functions phi of finite reach",
-        "D. M. Bortz, D. A. Messenger and V. Dukic, Bull. Math. Biol. 85, 2023", ("interval_s",), MOTION, OF_FORCES,
-    ),
 }  # fmt: skip
 _CERTIFICATE = "the certificate in the rig file, taken as it is (type B: JCGM 100:2008, 4.3)"
 _U_OF_ROWS = Formula(

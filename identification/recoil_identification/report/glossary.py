@@ -44,8 +44,6 @@ TERMS: dict[str, str] = {
     "kinematic": "As reverse, with the acceleration from the camera's displacement instead of the accelerometer's.",
     "camera": "High-speed camera that tracks a marker on the recoiling part: its displacement over time.",
     "tls": "Total least squares: noise in force and in acceleration is taken into account.",
-    "ar-gls": "Least squares with errors that are correlated in time (autoregressive).",
-    "weak": "The equation of motion averaged over short stretches of time, so that nothing has to be differentiated.",
     "sensitivity": "By how much the mass changes for a unit of change of its source.",
     "degrees of freedom": "How much data an uncertainty rests on; ∞ where it is a statement, of a certificate say.",
     "ν": "Degrees of freedom: how much data an uncertainty rests on; ∞ where it is a statement, of a certificate say.",
@@ -103,7 +101,7 @@ TERMS: dict[str, str] = {
     "SHA-256": "Digest of a file: another content has another digest.",
 }
 
-ONLY_NAMED = frozenset({"reverse", "forward", "paper", "kinematic", "camera", "weak", "offset", "drift"})
+ONLY_NAMED = frozenset({"reverse", "forward", "paper", "kinematic", "camera", "offset", "drift"})
 """Words of every day as well: no text's words are taken for these."""
 
 _WORDS = "|".join(

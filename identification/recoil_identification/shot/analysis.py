@@ -24,7 +24,7 @@ from recoil_identification.estimate.mass import forward_mass, reverse_mass
 from recoil_identification.estimate.monte_carlo import propagate
 from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
 from recoil_identification.estimators.errors_in_variables import neighbouring_force
-from recoil_identification.estimators.estimates import further_estimates
+from recoil_identification.estimators.total_least_squares import total_least_squares_mass
 from recoil_identification.rows.breech_chain import suspects
 from recoil_identification.rows.causes import SKEW
 from recoil_identification.shot.baseline import baselines_of
@@ -147,9 +147,12 @@ def _route_by_accelerometer(fired: FiredShot, options: Options, method: Method) 
     }
     left_out: dict[str, str] = {}
     if options.compare or method in FURTHER:
-        estimates |= further_estimates(
-            narrow, recorded, signals, fired, scales, further, leave_out=left_out.__setitem__
-        )
+        try:
+            both = EstimatorInputs(narrow, recorded, signals, fired)
+            estimates["tls"] = total_least_squares_mass(both, scales, further)
+        except (IdentificationError, ValueError) as error:
+            # the arrays are this shot's: what they do not allow is no fault of who asked for a comparison
+            left_out["tls"] = str(error)
     if method in left_out:
         raise IdentificationError(
             f"this shot allows no estimate by the method {method}: {left_out[method]}",

@@ -1,17 +1,12 @@
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.frames.byte_stuffing import (
     decode_cobs,
-    decode_cobs_packets,
     decode_slip,
-    decode_slip_packets,
     longest_packet,
 )
 from tests.builders.serial_packets import cobs, slip
@@ -51,40 +46,3 @@ def test_a_code_that_points_beyond_the_packet_is_damage(packet: str) -> None:
 @pytest.mark.parametrize("packet", ["db", "01db", "dbdb", "db01", "dbdcdb"])
 def test_an_escape_of_nothing_is_damage(packet: str) -> None:
     assert decode_slip(bytes.fromhex(packet)) is None
-
-
-PACKET = st.one_of(
-    st.binary(min_size=1, max_size=12),
-    st.lists(st.sampled_from([1, 1, 2, 3, 0xDB, 0xDC, 0xDD, 0xFF]), min_size=1, max_size=60).map(bytes),
-    st.integers(250, 260).map(lambda size: cobs(b"\x07" * size)[:-1]),
-    st.lists(st.sampled_from([0, 7]), max_size=50).map(lambda data: cobs(bytes(data))[:-1]),
-    st.binary(max_size=20).map(lambda data: slip(data + b"\x01")[:-1]),
-)
-
-
-@pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    ("many", "one", "delimiter"),
-    [(decode_cobs_packets, decode_cobs, b"\0"), (decode_slip_packets, decode_slip, b"\xc0")],
-    ids=["cobs", "slip"],
-)
-@settings(max_examples=200, deadline=None)
-@given(
-    packets=st.lists(PACKET, min_size=1, max_size=12),
-    copies=st.sampled_from([1, 1, 2, 20]),
-    led=st.booleans(),
-)
-def test_many_packets_are_decoded_like_each_alone(
-    many: Any, one: Any, delimiter: bytes, packets: list[bytes], copies: int, led: bool
-) -> None:
-    packets = [packet for packet in (packet.replace(delimiter, b"") for packet in packets * copies) if packet]
-    lead = delimiter if led else b""
-    octets = np.frombuffer(b"".join(lead + packet + delimiter for packet in packets), dtype=np.uint8)
-    sizes = np.array([len(packet) for packet in packets], dtype=np.int64)
-    stops = np.cumsum(sizes + 1 + led) - 1
-    decoded, lengths, sound = many(octets, stops - sizes, stops)
-    alone = [one(packet) for packet in packets]
-    assert sound.tolist() == [data is not None for data in alone]
-    assert lengths.sum() == decoded.size
-    for data, end, length in zip(alone, np.cumsum(lengths).tolist(), lengths.tolist(), strict=True):
-        assert data is None or decoded[end - length : end].tobytes() == data

@@ -190,7 +190,7 @@ def test_a_sound_stream_is_framed_completely_whatever_the_block(name: str) -> No
         assert [end for end, _ in found] == [(i + 1) * len(frames[0]) for i in range(200)]
 
 
-def test_good_frames_of_an_unknown_type_are_counted_in_runs_too() -> None:
+def test_good_frames_of_an_unknown_type_are_counted() -> None:
     framing, (first, second, implausible, unknown) = EXAMPLES["any types"]
     stream = first * 30 + second * 30 + unknown * 30 + implausible
     assert taken(framing, [(None, stream)])[1] == FrameCounters(90, unknown_types=30, implausible=1, skipped_bytes=5)

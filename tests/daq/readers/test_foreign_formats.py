@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import UnknownFormatError
-from recoil_acquisition.readers.foreign_formats import FOREIGN_FORMATS, foreign_format
+from recoil_acquisition.readers.foreign_formats import foreign_format, foreign_formats
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import BY_LAYOUT, recognise, surest_claim
@@ -29,10 +29,10 @@ NOISE = np.random.default_rng(3).integers(0, 256, 5000, dtype=np.uint8).tobytes(
 
 
 def test_every_format_has_an_example_and_there_are_enough() -> None:
-    names = [one.name for one in FOREIGN_FORMATS]
+    names = [one.name for one in foreign_formats()]
     assert names == list(FOREIGN_FILES)
     assert len(names) == len(set(names)) >= 25
-    assert all(one.remedy and one.source and one.signs for one in FOREIGN_FORMATS)
+    assert all(one.remedy and one.source and one.signs for one in foreign_formats())
 
 
 SPOKEN_AS_WORDS = ("SEG-2", "CARBUS", "ROS", "COMTRADE", "RIFX")

@@ -179,7 +179,7 @@ def test_of_several_gauges_each_is_a_sensor_of_its_own_and_a_standard_is_the_rig
 
 
 @pytest.mark.whole_way
-@pytest.mark.parametrize("method", ["calibrated", "reverse", "camera", "weak"])
+@pytest.mark.parametrize("method", ["calibrated", "reverse", "camera", "tls"])
 def test_every_source_that_is_of_a_sensor_tells_which(method: Method) -> None:
     virtual = virtual_shot("mixed")
     found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method=method))

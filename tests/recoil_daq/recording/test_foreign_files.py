@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import ReadError, UnknownFormatError
-from recoil_acquisition.readers.foreign_formats import FOREIGN_FORMATS
+from recoil_acquisition.readers.foreign_formats import foreign_formats
 from recoil_daq.recording.file_summary import is_database, summarise_file
 from tests.builders.foreign_files import FOREIGN_FILES
 from tests.builders.shared_data import shared_file
@@ -17,7 +17,7 @@ from tests.builders.shared_data import shared_file
 def test_show_names_a_file_that_is_not_read_and_says_what_to_do(name: str, tmp_path: Path, run) -> None:
     path = tmp_path / "measured.dat"
     path.write_bytes(FOREIGN_FILES[name][0])
-    remedy = next(one.remedy for one in FOREIGN_FORMATS if one.name == name)
+    remedy = next(one.remedy for one in foreign_formats() if one.name == name)
     shown = run("show", path)
     assert shown.exit_code == 3
     assert shown.stdout == ""

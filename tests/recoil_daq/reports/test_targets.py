@@ -72,10 +72,10 @@ def test_json_is_one_document_with_masses_and_targets(run, stored: Path, tmp_pat
 def test_compare_adds_the_further_estimators_and_any_of_them_can_be_reported(
     run, stored: Path, field_shot: TwinShot, tmp_path: Path
 ) -> None:
-    result = run("identify", stored, "--compare", "--method", "weak", "--json", "--out", tmp_path)
+    result = run("identify", stored, "--compare", "--method", "tls", "--json", "--out", tmp_path)
     (report,) = json.loads(result.stdout)["reports"]
     assert {*FURTHER, "camera"} <= {m["name"] for m in report["methods"]}
-    assert report["mass"]["method"] == "weak"
+    assert report["mass"]["method"] == "tls"
     low, high = report["mass"]["U95"]
     assert low < field_shot.truth["m3"] < high
     # the Monte Carlo method draws from what the calibrated estimate minimises, not from another's

@@ -1,4 +1,4 @@
-"""MATLAB files: one vector per channel, with a time vector or a rate.
+"""MATLAB files: one vector or one column of a matrix per channel, with a time vector or a rate.
 
 MATLAB's variables have no units, and Dewesoft's export replaces every sign of a name but letters and
 digits by ``_``. Time vectors hold seconds, serial date numbers (days), which resolve 10 us, or what a unit behind their
@@ -7,7 +7,8 @@ name (``time_ms``) or beside it (``time_unit = 'ms'``) says; a rate is in Hz unl
 Time vectors belong to variables by name and length. Dewesoft names channels ``Data1_AI_1`` and times
 ``Data1_time_AI_1`` or ``Data1_time``: channels of another rate have a time of their own. Other exports put ``_TIME``
 behind the channel's name, and scripts have one ``time`` or ``t``. A name decides first, then the length; where two time
-vectors would do, none is taken.
+vectors would do, none is taken. Fields of a structure are named behind it (``S.acc``) and have the time that is in it,
+else one outside. A matrix without either has a column that rises for its time, and ``X.column_1`` is its first one.
 
 Files of version 7.3 are HDF5 behind a block of text. Layout: MathWorks' ``save -v7.3``: each variable is a dataset of
 the root with the attribute ``MATLAB_class``, axes in MATLAB's order reversed; texts are 16-bit integers.
@@ -19,7 +20,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,13 +52,20 @@ from recoil_acquisition.readers.hdf5.vector import Room, hdf5_file, vector_of
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.mat.v4 import is_mat_v4, read_mat_v4
 from recoil_acquisition.readers.mat.v5 import HEADER_BYTES, is_mat_v5, read_mat_v5
-from recoil_acquisition.readers.mat.variable import CELL, LONGEST_TEXT, STRUCTURE, MatContents, MatVariable
+from recoil_acquisition.readers.mat.variable import (
+    CELL,
+    LONGEST_TEXT,
+    MOST_VARIABLES,
+    STRUCTURE,
+    MatContents,
+    MatVariable,
+)
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
-MOST_VARIABLES = 5000
+T = TypeVar("T")
 
 _DEWESOFT_TIME = re.compile(r"(?P<data>.+?)_time(?:_(?P<channel>.+))?", re.IGNORECASE)
 _STEPS = STEPS | {"ts"}
@@ -80,13 +88,9 @@ def read_mat_v73(path: Path) -> MatContents:
     CorruptFileError
         If it is damaged.
     """
-    vectors: list[MatVariable] = []
-    scalars: dict[str, float] = {}
-    texts: dict[str, str] = {}
-    left_out: dict[str, str] = {}
     room = Room(path, path.stat().st_size)
     with path.open("rb") as plain:
-        header = plain.read(116).decode("latin-1").rstrip("\0 ")
+        contents = MatContents("7.3", plain.read(116).decode("latin-1").rstrip("\0 "))
     with hdf5_file(path) as file:
         if len(file) > MOST_VARIABLES:
             raise ValueError(f"{len(file)} variables")
@@ -96,39 +100,36 @@ def read_mat_v73(path: Path) -> MatContents:
             link = file.get(name, getlink=True)
             item = file[name] if type(link).__name__ == "HardLink" else None
             if item is None or not hasattr(item, "shape"):
-                left_out[name] = "a link" if item is None else STRUCTURE.format(name=name)
+                contents.left_out[name] = "a link" if item is None else STRUCTURE.format(name=name)
                 continue
-            _sort(path, name, item, room, vectors, scalars, texts, left_out)
-    return MatContents("7.3", header, tuple(vectors), scalars, texts, left_out)
+            _sort(path, name, item, room, contents)
+    return contents
 
 
-def _sort(
-    path: Path, name: str, item: Any, room: Room,
-    vectors: list[MatVariable], scalars: dict[str, float], texts: dict[str, str], left_out: dict[str, str],
-) -> None:  # fmt: skip
+def _sort(path: Path, name: str, item: Any, room: Room, contents: MatContents) -> None:
     label = item.attrs.get("MATLAB_class", b"double")
     kind = label.decode("latin-1") if isinstance(label, bytes) else str(label)
     if "MATLAB_empty" in item.attrs or kind not in {"char", "double", "single", "logical"} | {
         f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)
     }:
         other = {"cell": CELL, "struct": STRUCTURE.format(name=name)}
-        left_out[name] = "empty" if "MATLAB_empty" in item.attrs else other.get(kind, kind)
+        contents.left_out[name] = "empty" if "MATLAB_empty" in item.attrs else other.get(kind, kind)
         return
     vector = vector_of(path, item, room.size)
     if isinstance(vector, str):
-        left_out[name] = vector
+        contents.left_out[name] = vector
         return
     room.take(vector, item.id.get_storage_size())
     if kind == "char":
         if vector.count > LONGEST_TEXT:
-            left_out[name] = f"a text of {vector.count} characters"
+            contents.left_out[name] = f"a text of {vector.count} characters"
         else:
             codes = np.asarray(item[()]).reshape(-1)
-            texts[name] = codes.astype("<u2").tobytes().decode("utf-16-le", "replace")
+            contents.texts[name] = codes.astype("<u2").tobytes().decode("utf-16-le", "replace")
     elif vector.count == 1:
-        scalars[name] = float(np.asarray(item[()]).reshape(-1)[0])
+        contents.scalars[name] = float(np.asarray(item[()]).reshape(-1)[0])
     else:
-        vectors.append(MatVariable(name, vector.count, vector.dtype, vector.stored))
+        contents.vectors.append(MatVariable(name, vector.count, vector.dtype, vector.stored))
 
 
 def is_time(name: str, others: Collection[str]) -> bool:
@@ -148,12 +149,29 @@ def time_of(channel: MatVariable, times: Sequence[MatVariable]) -> MatVariable |
         Time of the channel; or why there is none; None if no time has the channel's length.
     """
     fitting = [time for time in times if time.count == channel.count]
-    ranks = [(_rank(channel.name.casefold(), time.name.casefold()), time) for time in fitting]
+    ranks = [(_rank(channel.own_name.casefold(), time.own_name.casefold()), time) for time in fitting]
     best = max((rank for rank, _ in ranks), default=0)
     chosen = [time for rank, time in ranks if rank == best > 0]
     if len(chosen) > 1:
         return f"{' and '.join(repr(time.name) for time in chosen)} could both be its time"
     return chosen[0] if chosen else None
+
+
+def time_column(columns: Sequence[MatVariable]) -> MatVariable | str:
+    """Find the column of a matrix that is its time, or why none is.
+
+    It is the one that rises, of several the one that rises evenly. Whole numbers that rise by one count samples.
+    """
+    rising: list[tuple[MatVariable, float]] = []
+    for column in columns:
+        steps = np.diff(column.read(0, column.count).astype(np.float64))
+        if np.all(steps > 0) and np.isfinite(steps).all() and not np.all(steps == 1.0):
+            rising.append((column, float(np.ptp(steps) / np.mean(steps))))
+    found = rising if len(rising) < 2 else [(column, spread) for column, spread in rising if spread <= SAME_STEP]
+    if len(found) == 1:
+        return found[0][0]
+    names = " and ".join(column.own_name for column, _ in rising)
+    return f"{names} could both be its time" if rising else "none of its columns is a time, which rises"
 
 
 def _rank(channel: str, time: str) -> int:
@@ -250,9 +268,9 @@ class MatReader:
 def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
     notes: list[Remark] = [Note(NoteCode.CUT, None, contents.incomplete)] if contents.incomplete else []
     left_out = dict(contents.left_out)
-    names = [v.name for v in contents.vectors]
-    times = [v for v in contents.vectors if is_time(v.name, names)]
-    step = one_step(contents.scalars, contents.texts)
+    names = [v.own_name for v in contents.vectors]
+    times = [v for v in contents.vectors if not v.is_column and is_time(v.own_name, names)]
+    columns: dict[str, MatVariable | str] = {}
     read: dict[str, StoredTime | str] = {}
     channels: list[StoredChannel] = []
     seen: set[str] = set()
@@ -266,16 +284,21 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
             notes.append(Note(NoteCode.LEFT_OUT, vector.name, text))
             continue
         seen.add(vector.name)
-        chosen = time_of(vector, times)
+        chosen = _stated_time(contents, vector, times)
+        if chosen is None and vector.is_column:
+            matrix = vector.groups[0]
+            if matrix not in columns:
+                columns[matrix] = time_column([v for v in contents.vectors if v.is_column and v.groups[0] == matrix])
+            chosen = columns[matrix]
+        if chosen is vector:
+            continue
         if isinstance(chosen, MatVariable):
             if chosen.name not in read:
-                read[chosen.name] = _read_time(chosen, clock, step, contents.texts, notes)
+                read[chosen.name] = _read_time(chosen, clock, contents, notes)
             time, source = read[chosen.name], f"variable {chosen.name}"
-        elif chosen is None and isinstance(step, str) and not times:
-            time, source = step, ""
-        elif chosen is None and step is not None and not isinstance(step, str) and not times:
-            base = TimeBase.uniform(clock, 0.0, step[1], vector.count)
-            time, source = StoredTime(base, None, ""), f"variable {step[0]}"
+        elif isinstance(chosen, tuple):
+            base = TimeBase.uniform(clock, 0.0, chosen[1], vector.count)
+            time, source = StoredTime(base, None, ""), f"variable {chosen[0]}"
         else:
             time, source = chosen or "no time vector has its length", ""
         if isinstance(time, str):
@@ -309,11 +332,30 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
     )
 
 
-def _read_time(
-    time: MatVariable, clock: str, step: tuple[str, float] | str | None, texts: Mapping[str, str], notes: list[Remark]
-) -> StoredTime | str:
+def _stated_time(
+    contents: MatContents, channel: MatVariable, times: Sequence[MatVariable]
+) -> MatVariable | tuple[str, float] | str | None:
+    """Find the time vector of a channel, or its rate, in the structure that it is in, else in one around that."""
+    for group in channel.groups:
+        near = [time for time in times if time.groups[0] == group]
+        chosen: MatVariable | tuple[str, float] | str | None = time_of(channel, near)
+        if chosen is None and not near:
+            chosen = one_step(_beside(contents.scalars, group), _beside(contents.texts, group))
+        if chosen is not None:
+            return chosen
+    return None
+
+
+def _beside(values: Mapping[str, T], group: str) -> dict[str, T]:
+    """Return what is directly in a structure, by its name there; of the group without a name what is in none."""
+    return {name.rpartition(".")[2]: value for name, value in values.items() if name.rpartition(".")[0] == group}
+
+
+def _read_time(time: MatVariable, clock: str, contents: MatContents, notes: list[Remark]) -> StoredTime | str:
     """Read a time vector, in the unit that is stated, seconds or date numbers."""
-    unit_s = unit_of_time(time.name, texts)
+    texts = _beside(contents.texts, time.groups[0])
+    step = one_step(_beside(contents.scalars, time.groups[0]), texts)
+    unit_s = unit_of_time(time.own_name, texts)
     if isinstance(unit_s, str):
         return unit_s
     values = time.read(0, time.count)
@@ -329,10 +371,10 @@ def _read_time(
         else:
             stored = time_from_stamps(clock, exact, resolution_of(values))
             notes.append(Note(NoteCode.TIME, time.name, f"{time.name}: states no unit: read as seconds"))
-        if isinstance(step, str) and is_plain_time(time.name):
+        if isinstance(step, str) and is_plain_time(time.own_name):
             return step
         step_s = stored.time_base.step_s
-        if one and step_s and is_plain_time(time.name) and abs(step_s / one[1] - 1) > SAME_STEP:
+        if one and step_s and is_plain_time(time.own_name) and abs(step_s / one[1] - 1) > SAME_STEP:
             return (
                 f"{time.name} steps by {step_s:g} s, {one[0]} says {one[1]:g} s: state the unit, "
                 f"{time.name}_unit = 'ms', say"

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError
-from recoil_acquisition.readers.mat.variable import LONGEST_TEXT, MatContents, MatVariable, array_reason
+from recoil_acquisition.readers.mat.variable import LONGEST_TEXT, MOST_VARIABLES, MatContents
 from recoil_acquisition.readers.recording import map_to_corrupt_file
 
 HEADER_BYTES = 20
@@ -28,7 +28,6 @@ _NUMBERS = ("f8", "f4", "i4", "i2", "u2", "u1")
 _FULL, _TEXT = 0, 1
 _LONGEST_NAME = 64
 _ORDERS = {0: "<", 1: ">"}
-_MOST_VARIABLES = 5000
 
 
 @dataclass(frozen=True)
@@ -63,38 +62,30 @@ def read_mat_v4(path: Path) -> MatContents:
     CorruptFileError
         If it contradicts its format.
     """
-    vectors: list[MatVariable] = []
-    scalars: dict[str, float] = {}
-    texts: dict[str, str] = {}
-    left_out: dict[str, str] = {}
-    incomplete = ""
+    contents = MatContents("4", "")
     for found in _headers(path):
         if isinstance(found, str):
-            incomplete = f"{found}: {len(vectors)} before it were read"
+            contents = replace(contents, incomplete=f"{found}: {len(contents.vectors)} before it were read")
             break
         name, count = found.name, found.shape[0] * found.shape[1]
         read = partial(_load, path, found)
         if found.kind == _TEXT:
             if count > LONGEST_TEXT or found.shape[0] > 1:
-                left_out[name] = f"a text of {count} characters"
+                contents.left_out[name] = f"a text of {count} characters"
             else:
-                texts[name] = "".join(chr(int(code) & 0xFF) for code in read(0, count))
-        elif found.kind != _FULL:
-            left_out[name] = "a sparse matrix: save it as full vectors"
-        elif found.is_complex or not count or 1 not in found.shape:
-            left_out[name] = "complex" if found.is_complex else array_reason(found.shape)
-        elif count == 1:
-            scalars[name] = float(read(0, 1)[0])
+                contents.texts[name] = "".join(chr(int(code) & 0xFF) for code in read(0, count))
+        elif found.kind != _FULL or found.is_complex:
+            contents.left_out[name] = "complex" if found.is_complex else "a sparse matrix: save it as full vectors"
         else:
-            vectors.append(MatVariable(name, count, found.stored.newbyteorder("="), read))
-    return MatContents("4", "", tuple(vectors), scalars, texts, left_out, incomplete)
+            contents.take_numbers(name, found.shape, found.stored.newbyteorder("="), read)
+    return contents
 
 
 def _headers(path: Path) -> Iterator[_Header | str]:
     """Yield the variables one after the other; last, of a file that is cut, how that shows."""
     size, at = path.stat().st_size, 0
     with path.open("rb") as file:
-        for _ in range(_MOST_VARIABLES):
+        for _ in range(MOST_VARIABLES):
             if at >= size:
                 return
             file.seek(at)
@@ -111,7 +102,7 @@ def _headers(path: Path) -> Iterator[_Header | str]:
                 return
             yield found
             at = found.end
-    raise CorruptFileError(f"more than {_MOST_VARIABLES} variables", path=path)
+    raise CorruptFileError(f"more than {MOST_VARIABLES} variables", path=path)
 
 
 def _header(head: bytes, at: int) -> _Header:

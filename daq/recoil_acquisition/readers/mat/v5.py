@@ -1,6 +1,6 @@
 """MATLAB files of version 5 to 7 (``-v6``, ``-v7``), read element by element.
 
-Only arrays of real numbers and texts are read. Cells, structures, objects and function handles are
+Arrays of real numbers, texts, and these as fields of structures are read. Cells, objects and function handles are
 named by their class and skipped: nothing in a file is ever made into an object. Every size is held
 against the bytes that are there, and a compressed variable is inflated no further than its array needs.
 
@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from io import BufferedReader
 from math import prod
 from pathlib import Path
@@ -28,10 +28,9 @@ from recoil_acquisition.readers.bounded_file import DEFLATE_RATIO, most_unpacked
 from recoil_acquisition.readers.mat.variable import (
     CELL,
     LONGEST_TEXT,
+    MOST_VARIABLES,
     STRUCTURE,
     MatContents,
-    MatVariable,
-    array_reason,
 )
 from recoil_acquisition.readers.recording import map_to_corrupt_file
 
@@ -41,18 +40,19 @@ NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8
 """numpy's type of each ``mi`` type of numbers."""
 CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 """numpy's type of each ``mx`` class of numbers."""
+STRUCT, CHARACTERS, OPAQUE = 2, 4, 17
 OTHER_CLASSES = {
-    1: CELL, 2: STRUCTURE, 3: "an object: save what it holds as vectors", 5: "a sparse array: save it as full vectors",
-    16: "a function handle",
+    1: CELL, STRUCT: STRUCTURE, 3: "an object: save what it holds as vectors",
+    5: "a sparse array: save it as full vectors", 16: "a function handle",
 }  # fmt: skip
-OPAQUE = 17
-CHARACTERS = 4
 COMPLEX = 0x0800
 TEXT_ENCODINGS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
 START_BYTES = 8192
 """Bytes of each variable that are read first, enough for its class, shape and name, and for a scalar or a text."""
 PIECE_BYTES = 1 << 18
 """Bytes that are read, and inflated, at a time."""
+DEEPEST = 8
+"""Structures within one another whose fields are read."""
 WHOLE = "a whole MATLAB file of version 5"
 
 
@@ -65,31 +65,8 @@ def is_mat_v5(head: bytes) -> bool:
     )
 
 
-@dataclass(frozen=True)
-class _Element:
-    """One variable: where its bytes are, and whether they are compressed."""
-
-    at: int
-    size: int
-    compressed: bool
-
-
-@dataclass(frozen=True)
-class _Array:
-    """The head of one array; `data_at` and `data_size` count from the start of its element's content."""
-
-    name: str
-    kind: int
-    is_complex: bool
-    shape: tuple[int, ...]
-    data_type: int
-    data_at: int
-    data_size: int
-    small: bytes = b""
-
-
 def read_mat_v5(path: Path) -> MatContents:
-    """List the variables of a file; the numbers of vectors are not read.
+    """List the variables of a file, and the fields of its structures; the numbers of vectors are not read.
 
     Raises
     ------
@@ -98,26 +75,19 @@ def read_mat_v5(path: Path) -> MatContents:
     CorruptFileError
         If it contradicts its format.
     """
-    size = path.stat().st_size
-    vectors: list[MatVariable] = []
-    scalars: dict[str, float] = {}
-    texts: dict[str, str] = {}
-    left_out: dict[str, str] = {}
-    incomplete = ""
-    unpacked = 0
     with map_to_corrupt_file(path, WHOLE), path.open("rb") as file:
         head = file.read(HEADER_BYTES)
         if not is_mat_v5(head):
             raise CorruptFileError("no header of a MATLAB file", path=path, place="byte 124", expected="IM or MI")
-        order = "<" if head[126:128] == b"IM" else ">"
+        listing = _Listing(path, "<" if head[126:128] == b"IM" else ">", head)
         at = HEADER_BYTES
-        while at < size:
+        while at < listing.size:
             file.seek(at)
             tag = file.read(8)
-            kind, length = struct.unpack(f"{order}II", tag) if len(tag) == 8 else (0, 0)
-            if len(tag) < 8 or at + 8 + length > size:
-                incomplete = f"the variable at byte {at} is cut off: {len(vectors)} before it were read"
-                break
+            kind, length = struct.unpack(f"{listing.order}II", tag) if len(tag) == 8 else (0, 0)
+            if len(tag) < 8 or at + 8 + length > listing.size:
+                before = f"{len(listing.contents.vectors)} before it were read"
+                return replace(listing.contents, incomplete=f"the variable at byte {at} is cut off: {before}")
             if kind not in (MATRIX, COMPRESSED):
                 raise CorruptFileError(
                     "no variable",
@@ -126,127 +96,166 @@ def read_mat_v5(path: Path) -> MatContents:
                     expected="an element of type 14 or 15",
                     found=f"{kind}",
                 )
-            element = _Element(at + 8, length, kind == COMPRESSED)
+            packed = kind == COMPRESSED
             # Only whole elements of 8 bytes stand uncompressed; compressed ones are not padded
+            array = _Array(path, at + 8 * packed, length + 8 * (not packed), packed)
+            listing.take(array, array.read(0, START_BYTES))
             at += 8 + length
-            content = _content(file, element, 0, START_BYTES)
-            if element.compressed:
-                inner, stated = struct.unpack_from(f"{order}II", content)
-                if inner != MATRIX:
-                    left_out[f"the element at byte {element.at}"] = f"type {inner}"
-                    continue
-            else:
-                stated = length
-            array = _array(content[8 * element.compressed :], order, stated)
-            if isinstance(array, tuple):
-                left_out |= [array]
-                continue
-            _sort(path, element, array, order, vectors, scalars, texts, left_out)
-            unpacked += array.data_size
-            if unpacked > most_unpacked(size):
-                raise ReadError(
-                    f"the file unpacks to more than {most_unpacked(size) / 1e6:.0f} MB", path=path,
-                    place=f"variable {array.name!r}", remedy="save fewer variables, or with -v6, if this is right",
-                )  # fmt: skip
-    text = head[:116].decode("latin-1").rstrip("\0 ")
-    return MatContents("5", text, tuple(vectors), scalars, texts, left_out, incomplete)
+    return listing.contents
 
 
-def _sort(
-    path: Path, element: _Element, array: _Array, order: str,
-    vectors: list[MatVariable], scalars: dict[str, float], texts: dict[str, str], left_out: dict[str, str],
-) -> None:  # fmt: skip
-    count = prod(array.shape)
-    if array.kind == CHARACTERS:
-        if array.data_type in TEXT_ENCODINGS and count <= LONGEST_TEXT and (array.small or not count):
-            width = "" if array.data_type in (1, 2, 16) else ("-le" if order == "<" else "-be")
-            # Two-byte characters are also stored under the type of plain integers
-            texts[array.name] = array.small.decode(TEXT_ENCODINGS[array.data_type] + width, "replace")
-        else:
-            left_out[array.name] = f"a text of {count} characters"
-        return
-    long = [n for n in array.shape if n != 1]
-    if array.is_complex or len(long) > 1 or not count:
-        left_out[array.name] = "complex" if array.is_complex else array_reason(array.shape)
-        return
-    stored = np.dtype(order + NUMBERS[array.data_type])
-    if stored.itemsize * count != array.data_size:
-        raise CorruptFileError(
-            f"variable {array.name!r} contradicts itself", path=path, place=f"byte {element.at}",
-            expected=f"{count} numbers of {stored.itemsize} bytes", found=f"{array.data_size} bytes",
-        )  # fmt: skip
-    if array.data_size > (DEFLATE_RATIO if element.compressed else 1) * element.size:
-        raise CorruptFileError(
-            f"variable {array.name!r} states more than it can hold", path=path, place=f"byte {element.at}",
-            expected=f"{array.data_size} bytes", found=f"{element.size} stored",
-        )  # fmt: skip
-    dtype = np.dtype(CLASSES[array.kind])
-    if count == 1:
-        scalars[array.name] = float(np.frombuffer(array.small, stored, 1)[0])
-        return
-    vectors.append(MatVariable(array.name, count, dtype, partial(_load, path, element, array, stored, dtype)))
+@dataclass(frozen=True)
+class _Array:
+    """An array with its tag: `size` stored bytes at `at`, of which, inflated, it begins at `begin`."""
 
+    path: Path
+    at: int
+    size: int
+    packed: bool
+    begin: int = 0
 
-def _content(file: BufferedReader, element: _Element, begin: int, size: int) -> bytearray:
-    """Return bytes of an element's content from one on, inflated if need be; fewer if it ends before."""
-    if not element.compressed:
-        content = bytearray(max(min(size, element.size - begin), 0))
-        file.seek(element.at + begin)
-        del content[file.readinto(content) :]
+    def read(self, begin: int, size: int) -> bytearray:
+        """Return bytes of it from one on, inflated if need be; fewer if it ends before."""
+        begin += self.begin
+        with self.path.open("rb") as file:
+            if not self.packed:
+                content = bytearray(max(min(size, self.size - begin), 0))
+                file.seek(self.at + begin)
+                del content[file.readinto(content) :]
+                return content
+            content, have = bytearray(size), -begin
+            for piece in self._inflated(file):
+                wanted = piece[max(-have, 0) : size - have]
+                content[max(have, 0) : max(have, 0) + len(wanted)] = wanted
+                have += len(piece)
+                if have >= size:
+                    break
+        del content[max(have, 0) :]
         return content
-    content, have = bytearray(size), -begin
-    for piece in _inflated(file, element):
-        wanted = piece[max(-have, 0) : size - have]
-        content[max(have, 0) : max(have, 0) + len(wanted)] = wanted
-        have += len(piece)
-        if have >= size:
-            break
-    del content[max(have, 0) :]
-    return content
+
+    def _inflated(self, file: BufferedReader) -> Iterator[bytes]:
+        file.seek(self.at)
+        inflate, left = zlib.decompressobj(), self.size
+        while left and not inflate.eof and (block := file.read(min(left, PIECE_BYTES))):
+            left -= len(block)
+            while block and not inflate.eof:
+                yield inflate.decompress(block, PIECE_BYTES)
+                block = inflate.unconsumed_tail
 
 
-def _inflated(file: BufferedReader, element: _Element) -> Iterator[bytes]:
-    file.seek(element.at)
-    inflate, left = zlib.decompressobj(), element.size
-    while left and not inflate.eof and (block := file.read(min(left, PIECE_BYTES))):
-        left -= len(block)
-        while block and not inflate.eof:
-            yield inflate.decompress(block, PIECE_BYTES)
-            block = inflate.unconsumed_tail
+class _Listing:
+    """List of the variables of a file, as far as it was gone through."""
 
+    def __init__(self, path: Path, order: str, head: bytes) -> None:
+        self.path, self.order, self.size = path, order, path.stat().st_size
+        self.contents = MatContents("5", head[:116].decode("latin-1").rstrip("\0 "))
+        self._seen = self._unpacked = 0
+        self._whole = lru_cache(maxsize=1)(_load)
 
-def _array(content: bytearray, order: str, stated: int) -> _Array | tuple[str, str]:
-    """Read the head of an array; or name it, and say why it is none of numbers or text."""
-    flags_type, flags_at, flags_size, at = _tag(content, 0, order)
-    if flags_type != 6 or flags_size != 8:
-        raise ValueError(f"array flags of type {flags_type}, {flags_size} bytes")
-    flags = struct.unpack_from(f"{order}I", content, flags_at)[0]
-    kind = flags & 0xFF
-    if kind == OPAQUE:
-        return "an object", "of a class: save what it holds as vectors"
-    dims_type, dims_at, dims_size, at = _tag(content, at, order)
-    if dims_type != 5 or not 8 <= dims_size <= 256 or dims_size % 4:
-        raise ValueError(f"dimensions of type {dims_type}, {dims_size} bytes")
-    shape = struct.unpack_from(f"{order}{dims_size // 4}i", content, dims_at)
-    if min(shape) < 0:
-        raise ValueError(f"shape {shape}")
-    name_type, name_at, name_size, at = _tag(content, at, order)
-    if name_type != 1 or name_size > 4096:
-        raise ValueError(f"a name of type {name_type}, {name_size} bytes")
-    name = content[name_at : name_at + name_size].decode("latin-1")
-    if kind != CHARACTERS and kind not in CLASSES:
-        return name, OTHER_CLASSES.get(kind, f"class {kind}").format(name=name)
-    if prod(shape) == 0:
-        return name, "empty"
-    data_type, data_at, data_size, _ = _tag(content, at, order)
-    if kind in CLASSES and data_type not in NUMBERS:
-        raise ValueError(f"numbers of type {data_type} in {name!r}")
-    if data_at + data_size > stated:
-        raise ValueError(f"{name!r}: {data_size} bytes at {data_at} of {stated}")
-    small = bytes(content[data_at : data_at + data_size]) if data_size <= 4 * LONGEST_TEXT else b""
-    if small and len(small) < data_size:
-        raise ValueError(f"{name!r} ends early")
-    return _Array(name, kind, bool(flags & COMPLEX), shape, data_type, data_at, data_size, small)
+    def take(self, array: _Array, start: bytearray, field: str = "", depth: int = 0) -> None:
+        """Look at one array by its first bytes; `field` is its name where it is a field of a structure."""
+        self._seen += 1
+        if self._seen > MOST_VARIABLES:
+            raise CorruptFileError(f"more than {MOST_VARIABLES} variables", path=self.path)
+        left_out, order = self.contents.left_out, self.order
+        tag, stated = struct.unpack_from(f"{order}II", start)
+        if tag != MATRIX:
+            left_out[field or f"the element at byte {array.at}"] = f"type {tag}"
+            return
+        flags_type, flags_at, flags_size, at = _tag(start, 8, order)
+        if flags_type != 6 or flags_size != 8:
+            raise ValueError(f"array flags of type {flags_type}, {flags_size} bytes")
+        flags = struct.unpack_from(f"{order}I", start, flags_at)[0]
+        kind = flags & 0xFF
+        if kind == OPAQUE:
+            left_out[field or "an object"] = "of a class: save what it holds as vectors"
+            return
+        dims_type, dims_at, dims_size, at = _tag(start, at, order)
+        if dims_type != 5 or not 8 <= dims_size <= 256 or dims_size % 4:
+            raise ValueError(f"dimensions of type {dims_type}, {dims_size} bytes")
+        shape = struct.unpack_from(f"{order}{dims_size // 4}i", start, dims_at)
+        if min(shape) < 0:
+            raise ValueError(f"shape {shape}")
+        name_type, name_at, name_size, at = _tag(start, at, order)
+        if name_type != 1 or name_size > 4096:
+            raise ValueError(f"a name of type {name_type}, {name_size} bytes")
+        name, count = field or start[name_at : name_at + name_size].decode("latin-1"), prod(shape)
+        if kind == STRUCT and count == 1 and depth < DEEPEST:
+            if not depth:
+                self._hold(array, name, stated)
+            self._take_fields(array, start if depth else array.read(0, 8 + stated), at, name, depth)
+        elif kind != CHARACTERS and kind not in CLASSES:
+            left_out[name] = OTHER_CLASSES.get(kind, f"class {kind}").format(name=name)
+        elif not count:
+            left_out[name] = "empty"
+        else:
+            data_type, data_at, data_size, _ = _tag(start, at, order)
+            if data_at + data_size > 8 + stated:
+                raise ValueError(f"{name!r}: {data_size} bytes at {data_at} of {8 + stated}")
+            if kind == CHARACTERS:
+                self._take_text(name, count, data_type, bytes(start[data_at : data_at + data_size]), data_size)
+            elif flags & COMPLEX:
+                left_out[name] = "complex"
+            else:
+                self._take_numbers(array, name, shape, kind, data_type, data_at, data_size)
+
+    def _take_text(self, name: str, count: int, data_type: int, stored: bytes, size: int) -> None:
+        if data_type not in TEXT_ENCODINGS or count > LONGEST_TEXT or len(stored) < size:
+            self.contents.left_out[name] = f"a text of {count} characters"
+            return
+        width = "" if data_type in (1, 2, 16) else ("-le" if self.order == "<" else "-be")
+        # Two-byte characters are also stored under the type of plain integers
+        self.contents.texts[name] = stored.decode(TEXT_ENCODINGS[data_type] + width, "replace")
+
+    def _take_numbers(
+        self, array: _Array, name: str, shape: tuple[int, ...], kind: int, data_type: int, data_at: int, size: int
+    ) -> None:
+        if data_type not in NUMBERS:
+            raise ValueError(f"numbers of type {data_type} in {name!r}")
+        stored, count = np.dtype(self.order + NUMBERS[data_type]), prod(shape)
+        if stored.itemsize * count != size:
+            raise CorruptFileError(
+                f"variable {name!r} contradicts itself", path=self.path, place=f"byte {array.at}",
+                expected=f"{count} numbers of {stored.itemsize} bytes", found=f"{size} bytes",
+            )  # fmt: skip
+        self._hold(array, name, size)
+        dtype = np.dtype(CLASSES[kind])
+        read = partial(_load, array, name, data_at, stored, dtype)
+        if array.packed and sum(n != 1 for n in shape) == 2:
+            # it is asked for column by column, each of which would be inflated from the beginning on
+            read = partial(_part, partial(self._whole, *read.args, 0, count))
+        self.contents.take_numbers(name, shape, dtype, read)
+
+    def _hold(self, array: _Array, name: str, size: int) -> None:
+        """Hold the bytes that a variable states to have against those of the file."""
+        if size > (DEFLATE_RATIO if array.packed else 1) * array.size:
+            raise CorruptFileError(
+                f"variable {name!r} states more than it can hold", path=self.path, place=f"byte {array.at}",
+                expected=f"{size} bytes", found=f"{array.size} stored",
+            )  # fmt: skip
+        self._unpacked += size
+        if self._unpacked > most_unpacked(self.size):
+            raise ReadError(
+                f"the file unpacks to more than {most_unpacked(self.size) / 1e6:.0f} MB", path=self.path,
+                place=f"variable {name!r}", remedy="save fewer variables, or with -v6, if this is right",
+            )  # fmt: skip
+
+    def _take_fields(self, array: _Array, content: bytearray, at: int, name: str, depth: int) -> None:
+        """Take the fields of one structure, whose names and values stand behind its own name, at `at`."""
+        _, length_at, _, at = _tag(content, at, self.order)
+        _, names_at, names_size, at = _tag(content, at, self.order)
+        length = struct.unpack_from(f"{self.order}i", content, length_at)[0]
+        if not 0 < length <= 64 or names_size > len(content):
+            raise ValueError(f"{name!r}: {names_size} bytes of names of {length}")
+        for first in range(names_at, names_at + names_size, length):
+            field = f"{name}.{content[first : first + length].split(bytes(1))[0].decode('latin-1')}"
+            _, data_at, size, following = _tag(content, at, self.order)
+            if data_at + size > len(content):
+                raise ValueError(f"{field!r} ends early")
+            if size:
+                inner = content[at : data_at + size]
+                self.take(replace(array, begin=array.begin + at), inner, field, depth + 1)
+            at = following
 
 
 def _tag(content: bytearray, at: int, order: str) -> tuple[int, int, int, int]:
@@ -261,14 +270,18 @@ def _tag(content: bytearray, at: int, order: str) -> tuple[int, int, int, int]:
 
 
 def _load(
-    path: Path, element: _Element, array: _Array, stored: np.dtype[Any], dtype: np.dtype[Any], start: int, stop: int
+    array: _Array, name: str, data_at: int, stored: np.dtype[Any], dtype: np.dtype[Any], start: int, stop: int
 ) -> NDArray[Any]:
-    begin, size = 8 * element.compressed + array.data_at + start * stored.itemsize, (stop - start) * stored.itemsize
-    with map_to_corrupt_file(path, WHOLE), path.open("rb") as file:
-        content = _content(file, element, begin, size)
+    begin, size = data_at + start * stored.itemsize, (stop - start) * stored.itemsize
+    with map_to_corrupt_file(array.path, WHOLE):
+        content = array.read(begin, size)
         if len(content) < size:
             raise CorruptFileError(
-                f"variable {array.name!r} ends early", path=path, place=f"byte {element.at}",
+                f"variable {name!r} ends early", path=array.path, place=f"byte {array.at}",
                 expected=f"{begin + size} bytes inflated", found=f"{begin + len(content)}",
             )  # fmt: skip
     return np.frombuffer(content, stored).astype(dtype, copy=False)
+
+
+def _part(whole: Callable[[], NDArray[Any]], start: int, stop: int) -> NDArray[Any]:
+    return whole()[start:stop].copy()

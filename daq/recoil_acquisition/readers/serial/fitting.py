@@ -97,7 +97,7 @@ class FittingFraming:
 
 def fitting_framings(stream: bytes) -> tuple[FittingFraming, ...]:
     """Return the ready-made framings whose sound frames hold enough of some bytes, those that hold most first."""
-    where = f" in the first {MOST_BYTES >> 20} MB" if len(stream) > MOST_BYTES else ""
+    where = f" in the first {MOST_BYTES / 2**20:g} MB" if len(stream) > MOST_BYTES else ""
     stream = stream[:MOST_BYTES]
     tried = [replace(found, where=where) for table in _tables(stream) if (found := _tried(stream, table)) is not None]
     return tuple(sorted(tried, key=lambda one: -one.share))

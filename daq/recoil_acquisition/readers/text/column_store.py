@@ -13,9 +13,7 @@ import weakref
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import partial
 from pathlib import Path
-from queue import SimpleQueue
 
 import numpy as np
 from numpy.typing import NDArray
@@ -204,19 +202,15 @@ class ColumnStore:
 
     def _parsed(self, pieces: Sequence[RowRange], ends: NDArray[np.int64], grouping: Grouping) -> Iterator[Kept]:
         """Parse and keep pieces in their order, some at a time."""
+        parser = RowParser(self.block.format, self._text_columns, grouping)
         if len(pieces) == 1:
-            parser = RowParser(self.block.format, self._text_columns, grouping)
             yield self._keep(parser, 0, pieces[0], ends)
-            parser.close()
             return
         waiting: deque[Future[Kept]] = deque()
-        parsers: SimpleQueue[RowParser] = SimpleQueue()
-        for _ in range(THREADS):
-            parsers.put(RowParser(self.block.format, self._text_columns, grouping))
         with ThreadPoolExecutor(THREADS) as pool:
             try:
                 for at in range(len(pieces)):
-                    waiting.append(pool.submit(self._keep_by_one, parsers, at, pieces[at], ends))
+                    waiting.append(pool.submit(self._keep, parser, at, pieces[at], ends))
                     if len(waiting) > THREADS:
                         yield waiting.popleft().result()
                 while waiting:
@@ -224,20 +218,10 @@ class ColumnStore:
             finally:
                 for future in waiting:
                     future.cancel()
-        while not parsers.empty():
-            parsers.get().close()
-
-    def _keep_by_one(self, parsers: SimpleQueue[RowParser], at: int, piece: RowRange, ends: NDArray[np.int64]) -> Kept:
-        """Keep a piece by one of the parsers, which waits for the next one then."""
-        parser = parsers.get()
-        try:
-            return self._keep(parser, at, piece, ends)
-        finally:
-            parsers.put(parser)
 
     def _keep(self, parser: RowParser, at: int, piece: RowRange, ends: NDArray[np.int64]) -> Kept:
         """Parse one piece and keep its numbers; return its lost samples and overloads, and its stamps' cells."""
-        values, texts = parser.parse(partial(self.block.parts, piece), piece.line, piece.rows)
+        values, texts = parser.parse(self.block.text(piece), piece.line, piece.rows)
         if len(values) != piece.rows:
             raise CorruptFileError(
                 "rows cannot be separated", path=self.block.file.path, place=f"from line {piece.line} on",

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import closing
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,16 +93,16 @@ def iter_rows(
     at = 0
     grouping = Grouping(block.format, block.markers)
     others = [i for i in block.text_columns if not (named and i == 0)]
-    with closing(RowParser(block.format, ((0,) if named else ()) + tuple(others), grouping)) as parser:
-        for piece in block.pieces:
-            numbers, texts = parser.parse(partial(block.parts, piece), piece.line, piece.rows)
-            if len(numbers) != piece.rows:
-                raise CorruptFileError(
-                    "rows cannot be separated", path=block.file.path, place=f"line {piece.line}",
-                    expected=f"{piece.rows} rows", found=f"{len(numbers)}",
-                )  # fmt: skip
-            if marked:
-                take_marks_out(numbers)
-            yield slice(at, at + len(numbers)), numbers, texts[0] if named else []
-            at += len(numbers)
+    parser = RowParser(block.format, ((0,) if named else ()) + tuple(others), grouping)
+    for piece in block.pieces:
+        numbers, texts = parser.parse(block.text(piece), piece.line, piece.rows)
+        if len(numbers) != piece.rows:
+            raise CorruptFileError(
+                "rows cannot be separated", path=block.file.path, place=f"line {piece.line}",
+                expected=f"{piece.rows} rows", found=f"{len(numbers)}",
+            )  # fmt: skip
+        if marked:
+            take_marks_out(numbers)
+        yield slice(at, at + len(numbers)), numbers, texts[0] if named else []
+        at += len(numbers)
     grouping.check()

@@ -7,7 +7,7 @@ are what `float` makes of their text, to the last bit: pandas' parser does that 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -136,16 +136,6 @@ class TextBlock:
         if not raw.endswith(self.file.line_end):
             raw += self.file.line_end
         return raw if self.file.line_end == b"\n" else one_line_end(raw)
-
-    def parts(self, piece: RowRange) -> Iterator[bytes]:
-        """Read a piece as `text` does, some of it at a time."""
-        if self.file.line_end != b"\n":
-            yield self.text(piece)
-            return
-        for part in self.file.parts(piece.start, piece.stop):
-            yield part
-        if not part.endswith(b"\n"):
-            yield b"\n"
 
 
 def find_block(

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -71,7 +70,7 @@ class Grouping:
         self._columns = [_Evidence(decimal=rows.thousands is not None) for _ in rows.columns]
         self._lock = threading.Lock()
 
-    def look(self, values: Numbers, text: Callable[[], bytes], line: int) -> None:
+    def look(self, values: Numbers, text: bytes, line: int) -> None:
         r"""Look at some rows.
 
         Parameters
@@ -79,7 +78,7 @@ class Grouping:
         values : ndarray of float64, shape (n_rows, n_columns)
             Numbers as they were read.
         text
-            Function that returns the rows, each ended by ``\n``.
+            The rows, each ended by ``\n``.
         line
             Number of the first one's line.
         """
@@ -91,7 +90,7 @@ class Grouping:
         rest = [i for i in rest if _present(values[:, i]).any()]
         if not rest:
             return
-        rows = text()
+        rows = text
         if self._mark.encode() not in rows:
             for i in rest:
                 self._weigh(i, values[:, i], None, line)

@@ -59,25 +59,6 @@ class AutoregressiveNoise(ReadOnlyArrays):
         left = 1.0 - float(self.predictors[-1].sum())
         return float(self.deviations[0]) ** 2 if abs(left) < WANDERING else (self.sigma / left) ** 2
 
-    def whiten(self, columns: Array) -> Array:
-        """Turn consecutive rows with such errors into rows of independent errors of variance 1.
-
-        Parameters
-        ----------
-        columns : ndarray, shape (n, n_columns)
-
-        Returns
-        -------
-        ndarray, shape (n, n_columns)
-        """
-        order, n = self.order, columns.shape[0]
-        inverse = np.append(1.0, -self.predictors[-1]) / self.deviations[-1]
-        white = np.stack([np.convolve(column, inverse)[:n] for column in columns.T], axis=1)
-        for t in range(min(order, n)):
-            before = columns[t - 1 :: -1] if t else columns[:0]
-            white[t] = (columns[t] - self.predictors[t, :t] @ before) / self.deviations[t]
-        return np.asarray(white)
-
 
 def few_samples_factor(samples: int, order: int) -> float:
     """Return the factor on an uncertainty that comes from an autoregressive spectrum of a short record.
@@ -149,23 +130,3 @@ def long_run_variance(scores: Sequence[Array], most_order: int = MOST_ORDER) -> 
     noise = fit_noise(scores, most_order)
     samples = sum(score.size for score in scores)
     return samples * noise.slow_density * few_samples_factor(samples, noise.order) ** 2
-
-
-def newey_west(scores: Array, lags: int) -> Array:
-    """Covariance of the sum of correlated scores by the Bartlett window.
-
-    Parameters
-    ----------
-    scores : ndarray, shape (n, n_parameters)
-    lags
-        Number of lags up to which neighbours are taken for correlated.
-
-    Returns
-    -------
-    ndarray, shape (n_parameters, n_parameters)
-    """
-    total = scores.T @ scores
-    for lag in range(1, min(lags, scores.shape[0] - 1) + 1):
-        product = scores[lag:].T @ scores[:-lag]
-        total = total + (1.0 - lag / (lags + 1.0)) * (product + product.T)
-    return np.asarray(total)

@@ -1,4 +1,4 @@
-"""The inputs of every estimator of a mass: both sides as recorded, their noise before the shot, the force's errors."""
+"""The inputs of every estimator of a mass: both sides as recorded, and their noise before the shot."""
 
 from __future__ import annotations
 
@@ -9,10 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.gaps import bridge
-from recoil_processing.shot.clocks.autoregressive_noise import MOST_ORDER, fit_noise
-from recoil_processing.shot.error_source import ErrorSource, SourceKind
+from recoil_processing.shot.clocks.autoregressive_noise import fit_noise
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.shots.fired_shot import FiredShot
@@ -20,23 +18,18 @@ from recoil_rigs.shots.fired_shot import FiredShot
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-LEAD_S = 2e-3
-"""Time before the onset at which autoregressive errors begin, and functions of finite reach."""
 LEAST_NOISE_SAMPLES = 64
 """Samples by which a noise is estimated."""
 QUIET_SHARE, SLOW_DEGREE = 0.02, 5
 """Length of the quietest part of a record without a rest, share of it, and the degree of what moves slowly in it."""
-ORDER_S = 2.5e-3
-"""Reach of the autoregressive errors: fewer milliseconds do not part stress waves of one kilohertz from the motion."""
 BASELINE_ORDER = 4
 """Order of the pre-trigger baseline's autoregressive model: enough for a chain's filter."""
 
 
 @dataclass(frozen=True)
 class BaselineNoise:
-    """Noise of the pre-trigger baseline, per sample: as recorded, at low frequency, and behind the low-pass."""
+    """Noise of the pre-trigger baseline, per sample: at low frequency, and behind the low-pass."""
 
-    force: float = 0.0
     slow_acceleration: float = 0.0
     slow_force: float = 0.0
     filtered_acceleration: float = 0.0
@@ -70,28 +63,6 @@ def quietest_part(first: Array, *others: Array) -> tuple[Array, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class ForceErrors(ReadOnlyArrays):
-    """Errors that the force may have, each of one standard uncertainty or per unit.
-
-    Attributes
-    ----------
-    per_unit : ndarray, shape (n, n_gauges + 1)
-        Force of each gauge per relative error, and of the friction per newton.
-    zeros, clocks
-        Source and error of one standard uncertainty, shape (n,); two errors per clock, one in each direction.
-    """
-
-    per_unit: Array
-    zeros: tuple[tuple[ErrorSource, Array], ...]
-    clocks: tuple[tuple[ErrorSource, Array], ...]
-
-    @property
-    def table(self) -> Array:
-        """All of them in this order, shape (n, n_perturbations)."""
-        return np.column_stack([self.per_unit, *(error for _, error in (*self.zeros, *self.clocks))])
-
-
-@dataclass(frozen=True, eq=False)
 class EstimatorInputs:
     """Both sides of one shot, and what every estimator takes of them."""
 
@@ -99,12 +70,6 @@ class EstimatorInputs:
     recorded: Regression
     signals: Signals
     fired: FiredShot
-
-    @cached_property
-    def used(self) -> Flags:
-        """Trusted samples from a little before the onset to the end of travel, shape (n,)."""
-        r = self.recorded
-        return r.trusted & (r.times_s >= r.interval_s[0] - LEAD_S) & (r.times_s <= r.interval_s[1])
 
     @cached_property
     def forces_n(self) -> Array:
@@ -161,38 +126,7 @@ class EstimatorInputs:
         slow_acceleration = math.sqrt(fit_noise([a], BASELINE_ORDER).slow_density)
         low_pass, rate_hz = self.filtered.low_pass, self.recorded.rate_hz
         behind = [side if low_pass is None else low_pass.apply(side, rate_hz) for side in (a, f)]
-        return BaselineNoise(
-            float(f.std()), slow_acceleration, slow_force, float(behind[0].std()), float(behind[1].std())
-        )
-
-    @cached_property
-    def perturbations(self) -> ForceErrors:
-        """Errors that the force may have as recorded."""
-        free, times = self.recorded.released, self.recorded.times_s
-        zeros, clocks = [], []
-        forces = self.fired.rig.forces
-        for one in forces:
-            u = self.signals.offsets[one.name].u if one.name in self.signals.offsets else 0.0
-            if math.isfinite(u) and u > 0:
-                zeros.append((ErrorSource(SourceKind.ZERO, one.name), u * one.per_reading * free))
-        measured = [next(iter(self.fired.of_force(one)), None) for one in forces]
-        on = [None if one is None else one.recorded.time_base.clock for one in measured]
-        for clock in sorted({name for name in on if name is not None} - {self.fired.shot.reference_clock}):
-            u_s = self.fired.shot.alignment(clock).u_offset_s
-            if not math.isfinite(u_s):
-                continue
-            moved = self.forces_n[:, [name == clock for name in on] + [False]].sum(axis=1)
-            clocks += [
-                (ErrorSource(SourceKind.ALIGNMENT, clock), (np.interp(times - by_s, times, moved) - moved) * free)
-                for by_s in (u_s, -u_s)
-            ]
-        per_unit = np.column_stack([self.forces_n[:, :-1], self.recorded.friction_direction])
-        return ForceErrors(per_unit, tuple(zeros), tuple(clocks))
-
-    @property
-    def most_order(self) -> int:
-        """Order up to which autoregressive errors are tried."""
-        return max(MOST_ORDER, round(ORDER_S * self.recorded.rate_hz))
+        return BaselineNoise(slow_acceleration, slow_force, float(behind[0].std()), float(behind[1].std()))
 
     @property
     def release_s(self) -> float:

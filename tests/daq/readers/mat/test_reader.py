@@ -116,7 +116,7 @@ def test_what_is_no_vector_of_numbers_is_named_and_left_out(tmp_path: Path) -> N
     variables: dict[str, Any] = {"t": np.arange(4.0), "a": ramp(4), "matrix": np.zeros((3, 3)), "z": np.ones(4) * 1j}
     cell = np.empty(2, object)
     cell[:] = [1, "x"]
-    variables |= {"cell": cell, "struct": {"x": 1.0}, "none": np.zeros((0, 0)), "short": np.ones(3)}
+    variables |= {"cell": cell, "struct": np.zeros(2, [("x", object)]), "none": np.zeros((0, 0)), "short": np.ones(3)}
     recording = opened(tmp_path, mat_file(variables))
     assert [s.name for s in recording.signals] == ["a"]
     for name in (
@@ -284,22 +284,102 @@ def test_zeros_and_a_variable_that_the_file_has_no_room_for_are_no_version_4(con
         recognise(tmp_path / "a.mat")
 
 
-def test_structures_and_cells_say_what_to_save_instead(tmp_path: Path) -> None:
+def test_fields_of_a_structure_have_the_time_that_is_in_it(tmp_path: Path) -> None:
+    inner = {"fs": 50.0, "b": np.arange(4, dtype=np.int16)}
+    structure = {"t": np.arange(4.0), "a": ramp(4), "note": "shot 7", "inner": inner, "none": np.zeros((0, 0))}
+    for compressed in (False, True):
+        content = mat_file({"t": np.arange(4) / 8, "x": ramp(4), "S": structure}, compressed=compressed)
+        recording = opened(tmp_path, content)
+        assert [s.name for s in recording.signals] == ["x", "S.a", "S.inner.b"]
+        assert [recording.time_base(s.name).step_s for s in recording.signals] == [0.125, 1.0, 0.02]
+        np.testing.assert_array_equal(recording.read("S.a", 1), ramp(4)[1:])
+        raw = recording.raw("S.inner.b")
+        assert raw is not None
+        assert raw.counts.dtype == np.int16
+        assert recording.metadata["texts"] == {"S.note": "shot 7"}
+        assert any(note.startswith("S.none: empty") for note in recording.notes)
+
+
+def test_structures_in_a_row_and_cells_say_what_to_save_instead(tmp_path: Path) -> None:
     cell = np.empty(2, object)
     cell[:] = [1, "x"]
     with pytest.raises(ReadError, match=r"S: a structure: .*save\('x.mat', '-struct', 'S'\)") as refused:
-        opened(tmp_path, mat_file({"S": {"t": np.arange(4.0), "a": ramp(4)}, "c": cell}))
+        opened(tmp_path, mat_file({"S": np.zeros((1, 2), [("a", object)]), "c": cell}))
     assert "c: a cell: save its parts as vectors of their own" in str(refused.value)
 
 
+@pytest.mark.parametrize("kind", [1, 2])
+def test_cells_or_structures_within_one_another_end_no_process(kind: int, tmp_path: Path) -> None:
+    levels = 50_000
+    fields = v5_element(5, struct.pack("<i", 1)) + v5_element(1, b"x") if kind == 2 else b""
+    before = v5_element(6, struct.pack("<II", kind, 0)) + v5_element(5, struct.pack("<2i", 1, 1)) + v5_element(1, b"")
+    size = len(before + fields) + 8
+    nested = b"".join(
+        struct.pack("<II", 14, size * (levels - n) - 8 + 8) + before + fields for n in range(levels)
+    ) + struct.pack("<II", 14, 0)
+    packed = zlib.compress(nested)
+    content = mat_file({"t": np.arange(4.0), "a": ramp(4)}) + struct.pack("<II", 15, len(packed)) + packed
+    assert [s.name for s in opened(tmp_path, content).signals] == ["a"]
+
+
+def test_an_object_of_a_class_hides_nothing_else(tmp_path: Path) -> None:
+    opaque = v5_element(6, struct.pack("<II", 17, 0)) + v5_element(1, b"s") + v5_element(1, b"MCOS")
+    content = mat_file({"t": np.arange(4.0)}) + v5_element(14, opaque) + mat_file({"a": ramp(4)})[128:]
+    recording = opened(tmp_path, content)
+    assert [s.name for s in recording.signals] == ["a"]
+    assert any(note.startswith("an object: of a class") for note in recording.notes)
+
+
+def v5_element(kind: int, content: bytes) -> bytes:
+    return struct.pack("<II", kind, len(content)) + content.ljust(-len(content) // 8 * -8, b"\0")
+
+
+@pytest.mark.parametrize("version", ["4", "5"])
+def test_columns_of_a_matrix_have_the_time_of_the_one_that_rises(version: str, tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    path, wave = tmp_path / "a.mat", np.sin(np.arange(9.0))
+    # a column that counts samples is no time, and one that rises unevenly is none beside one that rises evenly
+    columns = [np.arange(9.0), wave, np.arange(9.0) ** 2, np.arange(9) / 8]
+    savemat(path, {"X": np.column_stack(columns)}, format=version)
+    recording = MatReader().open(path, Declarations("dewetron"))
+    assert [s.name for s in recording.signals] == ["X.column_1", "X.column_2", "X.column_3"]
+    np.testing.assert_array_equal(recording.read("X.column_2", 2, 5), wave[2:5])
+    assert recording.time_base("X.column_2").step_s == 0.125
+
+
+def test_a_time_vector_or_a_rate_goes_before_a_column_that_rises(tmp_path: Path) -> None:
+    matrix = np.column_stack([np.arange(9) / 8, np.sin(np.arange(9.0))])
+    for time in ({"t": np.arange(9) / 4}, {"fs": 4.0}):
+        recording = opened(tmp_path, mat_file(time | {"X": matrix}))
+        assert [s.name for s in recording.signals] == ["X.column_1", "X.column_2"]
+        assert recording.time_base("X.column_1").step_s == 0.25
+
+
+@pytest.mark.parametrize(
+    ("columns", "why"),
+    [
+        ((np.arange(9) / 8, np.arange(9) / 4), "column_1 and column_2 could both be its time"),
+        ((np.arange(9.0), np.sin(np.arange(9.0))), "none of its columns is a time"),
+    ],
+)
+def test_a_matrix_without_one_time_is_refused(columns: tuple[Any, ...], why: str, tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match=why):
+        opened(tmp_path, mat_file({"X": np.column_stack(columns)}))
+
+
+def test_a_matrix_of_a_real_record_is_read() -> None:
+    recording = MatReader().open(shared_file("matlab/Unit105_Series1_1.mat"), Declarations("dewetron"))
+    assert [s.name for s in recording.signals] == [f"Unit105_Series1_1.column_{n}" for n in range(1, 7)]
+    base = recording.time_base("Unit105_Series1_1.column_6")
+    assert (base.count, base.step_s) == (100_000, pytest.approx(1e-3))
+
+
 @pytest.mark.parametrize("name", ["mat_v4", "mat_struct"])
-def test_reported_files_are_read_or_say_what_to_save(name: str) -> None:
+def test_reported_files_are_read(name: str) -> None:
     path = shared_file(f"reports/{name}.mat")
-    if name == "mat_struct":
-        with pytest.raises(ReadError, match="-struct"):
-            MatReader().open(path, Declarations("dewetron"))
-        return
     assert recognise(path).name == "MATLAB"
     recording = MatReader().open(path, Declarations("dewetron"))
-    np.testing.assert_allclose(recording.read("acc"), np.sin(50 * np.arange(100) / 1000), atol=1e-12)
-    assert recording.time_base("acc").step_s == pytest.approx(1e-3)
+    [signal] = recording.signals
+    np.testing.assert_allclose(recording.read(signal.name), np.sin(50 * np.arange(100) / 1000), atol=1e-12)
+    assert recording.time_base(signal.name).step_s == pytest.approx(1e-3)

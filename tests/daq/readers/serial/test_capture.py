@@ -362,6 +362,7 @@ def ported(ticks_us: np.ndarray, counts: np.ndarray, *, latency_s: float = 0.016
     return content[: len(content) - cut]
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     # near an end only the counter and a few reads tell, so that a step is seen there if it is longer than two reads

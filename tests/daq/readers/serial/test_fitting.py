@@ -108,10 +108,10 @@ def test_damaged_frames_are_counted_beside_the_good_ones() -> None:
 
 
 def test_of_a_long_file_the_first_part_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fitting, "MOST_BYTES", 1 << 20)
-    found = fitting_framing(WIT * 2000)
+    monkeypatch.setattr(fitting, "MOST_BYTES", 1 << 18)
+    found = fitting_framing(WIT * 500)
     assert found is not None
-    assert found.found == f"{(1 << 20) // 11:,} good frames of witmotion in the first 1 MB"
+    assert found.found == f"{(1 << 18) // 11:,} good frames of witmotion in the first 0.25 MB"
 
 
 def test_unknown_bytes_and_a_wrong_framing_say_which_one_fits(tmp_path: Path) -> None:

@@ -4,15 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from recoil_processing.shot.clocks.autoregressive_noise import (
     AutoregressiveNoise,
     few_samples_factor,
     fit_noise,
     long_run_variance,
-    newey_west,
 )
 
 
@@ -45,42 +42,10 @@ def test_pieces_tell_the_same_as_the_whole_without_a_join():
     assert parts.predictors[1, 0] == pytest.approx(whole.predictors[1, 0], abs=0.01)
 
 
-def test_whitened_rows_have_unit_variance_and_no_correlation_from_the_first_on():
-    firsts, energy, lagged = [], 0.0, 0.0
-    noise = fit_noise([autoregressive((1.5, -0.9), 50_000)], 2)
-    for seed in range(400):
-        white = noise.whiten(autoregressive((1.5, -0.9), 60, seed)[:, None])[:, 0]
-        firsts.append(white[:2])
-        energy += float(white @ white)
-        lagged += float(white[1:] @ white[:-1])
-    assert np.array(firsts).std() == pytest.approx(1.0, abs=0.1)
-    assert energy / (400 * 60) == pytest.approx(1.0, abs=0.03)
-    assert abs(lagged / energy) < 0.02
-
-
-@given(st.integers(1, 40), st.integers(0, 5))
-@settings(max_examples=30)
-def test_whitening_is_linear_and_shorter_pieces_than_the_order_are_whitened_too(count, order):
-    rng = np.random.default_rng(count)
-    noise = fit_noise([autoregressive((1.2, -0.8), 2000)], order)
-    columns = rng.standard_normal((count, 2))
-    white = noise.whiten(columns)
-    assert white.shape == columns.shape
-    both = noise.whiten(columns @ [[2.0], [-3.0]])
-    np.testing.assert_allclose(both[:, 0], white @ [2.0, -3.0], atol=1e-9)
-
-
 def test_the_long_run_variance_is_that_of_the_sum():
     sums = [float(autoregressive((0.8,), 2000, seed).sum()) for seed in range(300)]
     stated = np.mean([long_run_variance([autoregressive((0.8,), 2000, seed)]) for seed in range(40)])
     assert stated == pytest.approx(np.var(sums), rel=0.2)
-
-
-def test_newey_west_without_lags_is_that_of_independent_scores_and_grows_with_correlation():
-    scores = autoregressive((0.8,), 4000)[:, None]
-    alone, together = newey_west(scores, 0)[0, 0], newey_west(scores, 40)[0, 0]
-    assert alone == pytest.approx(float(scores[:, 0] @ scores[:, 0]))
-    assert together / alone == pytest.approx(1.8 / 0.2, rel=0.3)
 
 
 def test_an_uncertainty_from_few_samples_is_wider():

@@ -77,7 +77,7 @@ DAMAGES = st.lists(
     damages=DAMAGES,
     cuts=st.lists(st.tuples(st.integers(0, 10_000), st.sampled_from([0.001, 0.2])), max_size=5),
 )
-def test_blocks_give_what_going_from_frame_to_frame_gives(
+def test_a_whole_stream_gives_what_going_from_frame_to_frame_after_each_read_gives(
     kind: str,
     payloads: list[int],
     seed: int,
@@ -100,32 +100,6 @@ def test_blocks_give_what_going_from_frame_to_frame_gives(
     assert found.counters == whole_counters
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("payloads", [[34], [34, 36], [20, 34, 50], list(range(20, 40))])
-def test_a_sound_stream_is_taken_without_going_from_frame_to_frame(
-    kind: str, payloads: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    stream = b"".join(sound_frames(kind, payloads, 1, rich=False))
-    decoder = FrameDecoder(framing_of(kind))
-    alone = 0
-    found = decoder.next_frame
-
-    def next_frame() -> Any:
-        nonlocal alone
-        alone += 1
-        return found()
-
-    monkeypatch.setattr(decoder, "next_frame", next_frame)
-    decoder.feed(stream)
-    taken_now = decoder.take().begins.size
-    decoder.close()
-    taken_now += decoder.take().begins.size
-    # a frame that no sync bytes follow yet is no frame until the stream has ended
-    assert decoder.counters == FrameCounters(received=FRAMES)
-    assert taken_now == FRAMES
-    assert alone <= 15
-
-
 def test_several_delimiters_before_a_packet_are_skipped_but_for_the_last() -> None:
     packet = slip(summed(b"\x01\x02\x03\x04\x05\x06", CHECKSUM["algo"], "big"))
     framing = framing_of("slip")
@@ -135,7 +109,7 @@ def test_several_delimiters_before_a_packet_are_skipped_but_for_the_last() -> No
     assert [end for end, _ in frames[:3]] == [9, 19, 31]
 
 
-def test_damage_of_every_kind_is_counted_in_a_block() -> None:
+def test_damage_of_every_kind_is_counted() -> None:
     good, wrong = cobs(summed(b"\x01" * 6, CHECKSUM["algo"], "big")), cobs(b"\x01" * 8)
     framing = framing_of("cobs")
     pieces = [good, wrong, good, b"\x09\x01\0", good, cobs(b"\x01" * 70), good] * 10
@@ -152,7 +126,7 @@ def test_what_ends_a_packet_that_was_given_up_is_no_packet() -> None:
     assert counters == FrameCounters(received=29, bad_length=1, skipped_bytes=200 + len(packet))
 
 
-def test_a_frame_across_an_interruption_is_none_in_a_block_either() -> None:
+def test_a_frame_across_an_interruption_is_none() -> None:
     frames = sound_frames("lengths", [34, 36], 1, rich=False)
     before, after = b"".join(frames[:50]), b"".join(frames[50:])
     reads = [(0.0, before[:-1]), (1.0, before[-1:] + after)]
@@ -163,7 +137,7 @@ def test_a_frame_across_an_interruption_is_none_in_a_block_either() -> None:
     assert decoder.counters == FrameCounters(received=FRAMES - 1, timed_out=1, skipped_bytes=len(frames[49]))
 
 
-def test_a_frame_beyond_the_maximum_is_none_in_a_block_either() -> None:
+def test_a_frame_beyond_the_maximum_is_none() -> None:
     frames = sound_frames("lengths", [34, 100], 1, rich=False)
     found, counters = taken(framing_of("lengths"), [(None, b"".join(frames))])
     assert [data for _, data in found] == frames[::2]
