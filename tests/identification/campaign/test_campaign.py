@@ -323,7 +323,7 @@ def test_a_shot_that_is_not_valid_by_itself_is_used_and_said_to_be() -> None:
     assert [row["valid"] for row in rows[:3]] == ["false", "true", "false"]
     assert [row["reasons"] for row in rows[:3]] == [reason, "", reason]
     assert rows[0]["use"] == first["use"]
-    table = campaign_tables.shots(document)
+    table = campaign_tables.SHOTS.worded(document)
     assert [row["valid"] for row in table[:3]] == ["not valid", "valid", "not valid"]
     assert reason in table[0]["remarks"]
 

@@ -13,11 +13,11 @@ from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.combination import combine
 from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.history import (
+    HISTORY,
     THIS,
     history_again,
     history_document,
     history_figure,
-    history_rows,
     row_of,
     shared_kg2,
 )
@@ -109,7 +109,7 @@ def test_a_mass_that_changed_between_campaigns_is_told_in_a_sentence() -> None:
     assert "spring" in history["detail"]
     assert history_of(before, before)["agrees"] is True
     document = {**after, "history": history}
-    earlier, this = history_rows(document)
+    earlier, this = HISTORY.worded(document)
     assert (earlier["campaign"], this["campaign"]) == ("spring", THIS)
     assert history_again(history, after) == history
     figure = history_figure(document)
@@ -126,10 +126,10 @@ def test_one_that_is_not_compared_is_shown_and_counts_nothing() -> None:
     assert history["campaigns"][0]["E_n"] is None
     assert "No earlier campaign" in history["detail"]
     assert history_figure({**one, "history": history}) is not None
-    assert history_rows({**one, "history": history})[0]["remark"] == "it is not valid"
+    assert HISTORY.worded({**one, "history": history})[0]["remark"] == "it is not valid"
 
 
 def test_without_a_history_there_is_neither_table_nor_figure() -> None:
     document = {"mass": {"value": MASS_KG}}
-    assert history_rows(document) == []
+    assert HISTORY.worded(document) == []
     assert history_figure(document) is None

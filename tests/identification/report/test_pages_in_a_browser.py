@@ -22,9 +22,8 @@ from recoil_identification.report.history import THIS, history_document, history
 from recoil_identification.report.html import (
     PAGE_NAME,
     render_campaign_page,
-    render_index_page,
     render_page,
-    render_sweep_page,
+    render_results_page,
     render_target_page,
 )
 from recoil_identification.report.page_files import write_page, write_script
@@ -389,7 +388,7 @@ def a_sweep() -> str:
         {None: own, 150.0: "no mass: fewer rows than unknowns are left behind the low-pass", 200.0: own, 250.0: worse},
         shot="0001", rig="mixed", specification_kg=782.0, version="1", inputs=[], options={"cutoff_hz": None},
     )  # fmt: skip
-    return render_sweep_page(document, sweep_figures(document), "sweep_cutoff_hz.csv")
+    return render_results_page(document, sweep_figures(document))
 
 
 def an_index() -> str:
@@ -408,7 +407,7 @@ def an_index() -> str:
         },
     ]
     failed = [{"file": "shots/0004.h5", "error": "shots/0004.h5: the file was cut off: " + "expected more " * 9}]
-    return render_index_page(index_document(rows, version="1", failed=failed))
+    return render_results_page(index_document(rows, version="1", failed=failed))
 
 
 def looked_at(written: dict[str, Path], how: str, widths: tuple[int, ...], **settings: Any) -> dict[str, Any]:
