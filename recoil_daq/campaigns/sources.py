@@ -19,7 +19,8 @@ from recoil_acquisition.recorded_file import RecordedFile
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store import recorded_files
-from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
+from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
+from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_daq.reports.identify import find_shot_files
 from recoil_daq.reports.reproduction import reports_in
 from recoil_daq.reports.stored_shot import BESIDE, RIG_FILE

@@ -18,7 +18,8 @@ from recoil_acquisition.files.regular_file import read_beginning, read_small
 from recoil_acquisition.files.strict_json import read_json, told_in_one_line
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import InputFile
-from recoil_acquisition.store.shot_log import ShotLog, ShotLogRow
+from recoil_acquisition.store.shot_log import ShotLog
+from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_daq.arguments import named_report
 from recoil_daq.reports.drawings import Draw, Drawings, strangers
 from recoil_daq.reports.forms import Forms

@@ -11,7 +11,8 @@ from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store import shot_summary
-from recoil_acquisition.store.shot_log import ShotLog, ShotLogRow
+from recoil_acquisition.store.shot_log import ShotLog
+from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_daq.arguments import REPORTS, SHOTS, named_report, named_shot
 from recoil_daq.reports.comparison import report_fault
 from recoil_daq.reports.output import Output
