@@ -145,6 +145,7 @@ def test_arrays_are_aligned_and_nobody_may_change_them(sound: Path) -> None:
         assert not channel.samples.flags.writeable
 
 
+@pytest.mark.exhaustive
 def test_samples_that_compress_without_bounds_are_written_so_that_they_are_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

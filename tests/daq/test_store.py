@@ -239,6 +239,7 @@ def test_channels_whose_time_bases_are_equal_stand_in_one_group(tmp_path: Path) 
         assert set(file["entry/daq_2"]) == {"time", "c"}
 
 
+@pytest.mark.exhaustive
 def test_the_same_shot_gives_the_same_bytes(tmp_path: Path) -> None:
     first, second = tmp_path / "a.h5", tmp_path / "b.h5"
     write_shot(make_shot(), first)
@@ -979,6 +980,7 @@ def test_positive_and_negative_zero_are_different_samples() -> None:
     assert first_difference(one, other) == "samples of channel 'a'"
 
 
+@pytest.mark.exhaustive
 def test_a_shot_of_eight_channels_and_a_camera_is_written_well_within_a_second(tmp_path: Path) -> None:
     shot = make_shot(21_000, 2_000)
     base = shot.channels["acc_recoil"].time_base

@@ -40,6 +40,7 @@ def test_damage_of_every_kind_costs_what_it_touches_and_is_counted(whole, tmp_pa
     assert len(kinds) == 10
 
 
+@pytest.mark.exhaustive
 def test_a_log_that_did_not_end_in_order_never_counts_too_many_lost(tmp_path):
     written = write_log(tmp_path / "whole", 300, closed=False)
     faults, _ = faults_of_trials(tmp_path / "whole", written, tmp_path / "damaged", trials=30, seed=2)

@@ -434,6 +434,7 @@ def test_a_killed_writer_loses_nothing_that_it_was_told_is_written(tmp_path):
         assert 2 <= acknowledged <= found <= acknowledged + 2
 
 
+@pytest.mark.exhaustive
 @needs_kill
 def test_a_killed_writers_log_is_left_over_and_a_living_ones_is_not(tmp_path):
     kill_a_writer(tmp_path / "dead", 0.0)

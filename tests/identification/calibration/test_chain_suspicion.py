@@ -110,6 +110,7 @@ def test_a_tube_that_swings_is_named_with_its_frequency_and_a_bracket_by_the_sig
     assert "stiffen what carries the accelerometer" in str(bracket)
 
 
+@pytest.mark.whole_way
 def test_the_mass_moves_by_what_an_estimate_with_the_shape_finds() -> None:
     found = with_reading(gauge_ahead=0.03)
     chain, calibration = found.chain, found.route.calibration
@@ -119,6 +120,7 @@ def test_the_mass_moves_by_what_an_estimate_with_the_shape_finds() -> None:
     assert chain.explained.inferred.value(chain.source) == pytest.approx(chain.size, rel=0.05)
 
 
+@pytest.mark.whole_way
 def test_a_rig_that_states_it_is_asked_for_it_no_more_and_finds_it() -> None:
     virtual = virtual_shot()
     stated = "gauge_ahead = { chamber_length_m = 0.5, projectile_mass_kg = 15.0, u_share = 0.03 },"

@@ -167,6 +167,7 @@ def test_another_gauge_that_is_off_is_named_by_itself() -> None:
     assert "share" not in one
 
 
+@pytest.mark.whole_way
 def test_what_stands_in_a_shot_where_its_rows_say_nothing_is_no_disagreement() -> None:
     shots = campaign_of((0.0, 120.0) * 4, seed=4).shots
     assert combine(shots).valid
@@ -248,6 +249,7 @@ def against(shots: Sequence[CampaignShot], *specifications: tuple[float, float] 
     )
 
 
+@pytest.mark.whole_way
 def test_the_mass_stands_beside_the_specification_without_what_was_added() -> None:
     document = answer(against(WEIGHED, (900.0, 2.5)))
     mass = document["mass"]
@@ -260,6 +262,7 @@ def test_the_mass_stands_beside_the_specification_without_what_was_added() -> No
     assert mass["value"] == answer(WEIGHED)["mass"]["value"]
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("specifications", "said"),
     [
@@ -309,6 +312,7 @@ def test_a_campaign_says_what_mass_it_is_and_of_what_its_specification_consists(
     assert sum(row["u_kg"] ** 2 for row in document["budget"]) == pytest.approx(mass["u"] ** 2)
 
 
+@pytest.mark.whole_way
 def test_a_shot_that_is_not_valid_by_itself_is_used_and_said_to_be() -> None:
     reason = "breech_pressure reads high"
     shots = [replace(WEIGHED[0], valid=False, reasons=(reason,)), *WEIGHED[1:]]

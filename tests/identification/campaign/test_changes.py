@@ -39,6 +39,7 @@ def test_nothing_changed_in_sound_campaigns(added: tuple[float, ...], seed: int)
     assert changes_of(campaign_of(added, seed=seed)) == ()
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("added", [PLAIN, WEIGHED])
 def test_a_step_of_the_mass_is_found_with_its_place_and_size(added: tuple[float, ...]) -> None:
     (change,) = changes_of(campaign_of(added, seed=4, step_kg={4: -4.0}))
@@ -49,6 +50,7 @@ def test_a_step_of_the_mass_is_found_with_its_place_and_size(added: tuple[float,
     assert "drift" in change.instead
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("parameter", ["ln breech_pressure", "ln brake_pressure"])
 def test_a_sensor_that_drifts_is_named(parameter: str) -> None:
     drawn = campaign_of(WEIGHED, seed=5, moved={(i, parameter): 0.01 * RAMP[i] for i in range(8)})

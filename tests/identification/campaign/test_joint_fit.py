@@ -99,6 +99,7 @@ def test_the_budget_over_all_scatters_adds_up_to_the_uncertainty() -> None:
     assert budget[0].u_kg < 0.8 * fit.mass_kg("as built")[1]
 
 
+@pytest.mark.whole_way
 def test_scatters_are_weighed_by_the_density_of_the_rows() -> None:
     drawn = campaign_of((0.0,) * 4, seed=2, gain_rel=1e-3)
     rows = rows_of(drawn.shots)
@@ -217,6 +218,7 @@ def test_the_order_of_a_summarys_parameters_changes_nothing(order: list[int]) ->
     assert (other.value(name), other.u(name)) == pytest.approx((same.value(name), same.u(name)), rel=1e-8)
 
 
+@pytest.mark.whole_way
 def test_a_shot_that_lacks_a_parameter_tells_of_the_others() -> None:
     drawn = campaign_of((0.0, 120.0, 0.0, 120.0), seed=7)
     whole = joint_fit(rows_of(drawn.shots))

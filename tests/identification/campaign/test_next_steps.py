@@ -118,6 +118,7 @@ def test_masses_that_round_to_the_same_are_told_apart_by_all_their_digits() -> N
     )
 
 
+@pytest.mark.whole_way
 def test_what_was_taken_off_is_counted_as_what_was_added_is() -> None:
     found = combine(campaign_of((0.0, -90.0) * 2, seed=7).shots)
     added = combine(campaign_of((0.0, 90.0) * 2, seed=7).shots)

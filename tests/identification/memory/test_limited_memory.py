@@ -143,6 +143,7 @@ def test_a_shot_followed_by_silence_agrees_with_statsmodels_where_that_has_nothi
     assert relative_error(ours.parameters[sound], theirs.params[sound]).max() < 1e-9
 
 
+@pytest.mark.exhaustive
 def test_standard_errors_agree_with_statsmodels():
     from statsmodels.regression.rolling import RollingOLS
 

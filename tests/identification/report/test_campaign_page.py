@@ -84,6 +84,7 @@ def trace(figure, name):
     return next(one for one in figure["data"] if one["name"] == name)
 
 
+@pytest.mark.whole_way
 def test_the_page_says_the_mass_its_interval_and_that_nothing_changed():
     document, page = page_of(shots_of())
     text = PageElements(page).text
@@ -216,6 +217,7 @@ def test_the_page_refers_to_the_script_beside_it_and_to_nothing_else():
     assert "default-src 'none'" in page
 
 
+@pytest.mark.whole_way
 def test_hostile_names_neither_break_out_nor_get_lost():
     shots = tuple(
         replace(
@@ -270,6 +272,7 @@ def test_a_file_that_holds_no_curves_is_refused(tmp_path, text):
         read_curves(tmp_path)
 
 
+@pytest.mark.whole_way
 def test_each_of_a_few_shots_is_a_line_named_after_it_and_of_its_group():
     shots = shots_of()
     curves = overlay((one.name, curves_of(k)) for k, one in enumerate(shots[:6]))

@@ -117,6 +117,7 @@ def test_a_mass_that_changed_between_campaigns_is_told_in_a_sentence() -> None:
     assert figure.names == ("spring", THIS)
 
 
+@pytest.mark.whole_way
 def test_one_that_is_not_compared_is_shown_and_counts_nothing() -> None:
     one = answer(campaign_of((0.0, 120.0) * 2, seed=3).shots)
     u = one["mass"]["u"]

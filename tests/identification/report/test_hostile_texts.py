@@ -138,6 +138,7 @@ def test_paper_shows_it_as_it_is_spelled(kind: str, made: Callable[..., bytes]) 
     assert "{{7*7}}" in text
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("start", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1+1", " =1+1", "\uff1d1+1", "\r=1"])
 def test_no_cell_is_a_formula(start: str, tmp_path: Path) -> None:
     document = of_campaign()

@@ -509,11 +509,13 @@ def test_an_index_needs_no_script_in_a_frame_that_is_shut_in(shut_in: dict[str, 
         assert shut_in[f"index-{width}"]["found"]["cut"] == []
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", DRAWN)
 def test_figures_stand_still_on_a_page_without_scripts(measured: dict[str, Any], name: str) -> None:
     assert measured[f"{name}-1024"]["found"]["still"] >= (1 if name in ("target", "sweep") else 2)
 
 
+@pytest.mark.whole_way
 def test_the_figure_of_the_mass_begins_on_the_first_screen(measured: dict[str, Any]) -> None:
     assert measured["shot-1400"]["found"]["mass"] < 700
 

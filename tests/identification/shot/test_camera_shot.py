@@ -71,6 +71,7 @@ def test_the_residual_that_is_stated_is_what_mass_and_forces_leave_of_the_filter
     assert found.chosen.estimate.residual_m_s2 == pytest.approx(np.sqrt(np.mean(left_m_s2**2)), rel=0.05)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", RIGS)
 def test_the_clock_is_found_by_track_and_forces(name):
     found, true = identified(name), tracked_shot(name).truth["clocks"]["camera"]
@@ -111,6 +112,7 @@ def test_the_mass_over_time_holds_the_truth():
     assert np.mean(np.abs(trace.mass_kg - truth)[trace.identified] < 1.96 * trace.u_kg[trace.identified]) > 0.85
 
 
+@pytest.mark.whole_way
 def test_what_an_accelerometer_would_check_is_said_not_to_be_checked():
     found = identified()
     assert found.route.zero_shift is found.route.skew is found.peaks is None

@@ -60,6 +60,7 @@ def test_the_kinematic_route_takes_the_ground_for_what_it_is():
     assert abs(kinematic.mass_kg / identified.results["calibrated"].estimate.mass_kg - 1.0) < 0.01
 
 
+@pytest.mark.whole_way
 def test_it_needs_a_gyro_and_no_accelerometers_on_the_carriage():
     virtual, identified = found("field-2013", True, True)
     signals = identified.route.signals

@@ -33,6 +33,7 @@ def test_the_intervals_hold_the_true_mass(name, seed):
     assert 3.0 < one.quantity("m_dc").u < 9.0
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(("name", "seed"), SHOTS)
 def test_the_chosen_model_leaves_nothing_behind(name, seed):
     parameters = found(name, seed).parameters
@@ -51,6 +52,7 @@ def test_the_gain_is_one_over_the_mass():
     assert gain.expected == pytest.approx(1.0 / mass.expected)
 
 
+@pytest.mark.whole_way
 def test_the_simulated_series_is_the_measured_one_but_for_the_noise():
     one = found()
     columns = one.series.columns
