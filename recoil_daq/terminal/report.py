@@ -166,14 +166,16 @@ def low_passes(document: Mapping[str, Any]) -> str:
     why, allowed_hz = basis.get(said["basis"], said["reason"]), said.get("spectra_hz")
     if said["basis"] in ("shot", "campaign") and allowed_hz is not None and said["cutoff_hz"] < allowed_hz:
         why = f"a fifth of the rate of its slowest force ({allowed_hz:.4g} Hz {why})"
+    kind = said.get("description", {}).get("kind")
+    low_pass = "low-pass" if kind is None else f"{kind} low-pass"
     whole, mass_hz = f"{said['cutoff_hz']:.4g} Hz, {why}", said["mass_cutoff_hz"]
     if method in AS_RECORDED or mass_hz is None:
-        return f"low-pass: the mass is of what was recorded, without one; what is shown over time, peaks: {whole}"
+        return f"{low_pass}: the mass is of what was recorded, without one; what is shown over time, peaks: {whole}"
     if mass_hz == said["cutoff_hz"]:
-        return f"low-pass of the mass, of what is shown over time, RPE and peaks: {whole}"
+        return f"{low_pass} of the mass, of what is shown over time, RPE and peaks: {whole}"
     shared = document["provenance"]["parameters"]["options"].get("mass_cutoff_hz") is not None
     band = "the force's band, one for all shots" if shared else "this force's own band"
-    return f"low-pass of the mass: {mass_hz:.4g} Hz, {band}; of the mass over time, RPE and peaks: {whole}"
+    return f"{low_pass} of the mass: {mass_hz:.4g} Hz, {band}; of the mass over time, RPE and peaks: {whole}"
 
 
 def print_results(title: str, table: ResultTable, document: Mapping[str, Any], *said: str, **headings: str) -> None:
