@@ -109,7 +109,7 @@ def _route_by_accelerometer(fired: FiredShot, options: Options, method: Method) 
     signals, recorded = prepared.signals, prepared.recorded
     camera, camera_clock = prepared.camera, prepared.camera_clock
     choice = choose_filter(
-        recorded, fired.shot, options.low_pass, given_hz=options.cutoff_hz, campaign=options.campaign
+        recorded, fired.shot, kind=options.low_pass, given_hz=options.cutoff_hz, campaign=options.campaign
     )
     low_pass = choice.low_pass
     scales = scale_uncertainty(fired.rig, recorded.motion_role)

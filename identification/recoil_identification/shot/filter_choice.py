@@ -17,6 +17,7 @@ import numpy as np
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
 from recoil_processing.filters import LowPass, LowPassFilter
+from recoil_processing.filters.table import FILTERS, USUAL
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.regression import MASS_ROLES, Regression
 from recoil_processing.shot.thinned import thinned_beside
@@ -197,7 +198,7 @@ def campaign_band_hz(bands_hz: Sequence[float], choice: CutoffChoice | None) -> 
 
 
 def choose_filter(
-    recorded: Regression, shot: Shot, kind: LowPassFilter, *, given_hz: float | None = None,
+    recorded: Regression, shot: Shot, *, kind: LowPassFilter = FILTERS[USUAL], given_hz: float | None = None,
     campaign: CutoffChoice | None = None,
 ) -> FilterChoice:  # fmt: skip
     """Choose the low-pass of one shot's regression.
