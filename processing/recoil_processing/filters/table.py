@@ -66,7 +66,7 @@ def filter_of(name: str) -> LowPassFilter:
 
 @dataclass(frozen=True)
 class OthersFilter:
-    """A filter of another package, whose mistakes are its own: an `IdentificationError` that names it."""
+    """A filter of another package, whose mistakes are its own: an error in one line that names it."""
 
     name: str
     own: LowPassFilter
