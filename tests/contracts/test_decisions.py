@@ -53,10 +53,27 @@ def has_blank(literal: ast.expr) -> str | None:
 
 
 def constants(source: str) -> dict[str, str]:
-    """Return the module's constants that are such texts, by name."""
-    assigned = [node for node in ast.parse(source).body if isinstance(node, ast.Assign)]
-    targets = [(one.targets[0], has_blank(one.value)) for one in assigned]
+    """Return the module's constants that are such texts, and all that are patterns with one, by name."""
+    tree = ast.parse(source)
+    assigned = [node for node in ast.walk(tree) if isinstance(node, ast.Assign)]
+    targets = [
+        (one.targets[0], has_blank(one.value) if (of := pattern_of(one.value)) is None else has_gap(of))
+        for one in assigned
+        if one in tree.body or pattern_of(one.value) is not None
+    ]
     return {name.id: text for name, text in targets if isinstance(name, ast.Name) and text is not None}
+
+
+def pattern_of(value: ast.expr) -> ast.expr | None:
+    """Return what is compiled to a pattern; None of another value."""
+    compiled = isinstance(value, ast.Call) and ast.unparse(value.func) == "re.compile" and value.args
+    return value.args[0] if isinstance(value, ast.Call) and compiled else None
+
+
+def has_gap(pattern: ast.expr) -> str | None:
+    """Return a pattern that may be of a part of a sentence: a blank may stand in what it finds."""
+    written = ast.unparse(pattern)
+    return has_blank(pattern) or (written if r"\s" in written else None)
 
 
 @cache
@@ -126,8 +143,11 @@ def decisions_on_sentences(source: str) -> list[tuple[int, str]]:
                 found += [(node.lineno, one) for one in literals(sides, named)]
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
             searched, name = node.func.value, node.func.attr
+            pattern = ast.unparse(searched) if name in PATTERNS and any(map(holds_a_sentence, node.args)) else ""
             of_re = isinstance(searched, ast.Name) and searched.id == "re" and name in PATTERNS
-            if (of_re and any(map(holds_a_sentence, node.args[1:]))) or (
+            if pattern in named:
+                found.append((node.lineno, named[pattern]))
+            elif (of_re and any(map(holds_a_sentence, node.args[1:]))) or (
                 name in SEARCHES and holds_a_sentence(searched)
             ):
                 found += [(node.lineno, one) for one in literals(node.args[:1], named)]
@@ -164,6 +184,9 @@ def test_every_exemption_is_still_needed() -> None:
         'if name.removesuffix(" and area") == x: pass',
         'if re.search("cut off", problem): pass',
         'if f"{role} zero" in source_names: pass',
+        'CUT = re.compile("cut off")\nif CUT.search(problem): pass',
+        'UNIT = re.compile(rf"({NUMBER}) (MPa|m)")\nagain = UNIT.sub(other, reason)',
+        'def told(note):\n    cut = re.compile(r"cut\\s+off")\n    return cut.search(note)',
         'ADDED = "nothing is added"\nif ADDED in note: pass',
         'if first["detail"] in reason: pass',
         'match found:\n    case "cut off here": pass',
