@@ -96,6 +96,11 @@ def worded(*pieces: str) -> Worded:
     return Worded("".join(pieces), figures)
 
 
+def joined(between: str, texts: Iterable[str]) -> Worded:
+    """Put texts together with another between them, as ``between.join(texts)``; their figures keep their words."""
+    return worded(*[piece for text in texts for piece in (between, text)][1:])
+
+
 def figures_of(text: str) -> tuple[Measured, ...]:
     """Return the figures of a text; none of one that does not know them."""
     return text.figures if isinstance(text, Worded) else ()
@@ -107,7 +112,7 @@ def beside(text: str) -> dict[str, Any]:
     return {"figures": figures} if figures else {}
 
 
-def stated(text: str, row: Mapping[str, Any]) -> Worded:
+def with_figures(text: str, row: Mapping[str, Any]) -> Worded:
     """Return a text with the figures that a document states beside it.
 
     What is no place in the text, or overlaps another, is none of its figures: the text stays as it is.

@@ -22,7 +22,7 @@ from recoil_acquisition.extras import XARRAY
 from recoil_acquisition.files.regular_file import open_regular
 from recoil_acquisition.files.shot_name import check_shot_name
 from recoil_acquisition.listing import Listed, Listing
-from recoil_acquisition.measured import beside, worded
+from recoil_acquisition.measured import beside, joined, worded
 from recoil_acquisition.remark import Caution, Note, Reason, ReasonCode, Remark, findings_of
 from recoil_acquisition.usability import Usability, usability
 
@@ -542,7 +542,7 @@ def shot_findings(quality: Sequence[QualityCheck], against_mass: Sequence[Reason
 def doubted_clocks(alignments: Sequence[ClockAlignment]) -> tuple[Reason, ...]:
     """Say of each clock that was not aligned beyond doubt why."""
     return tuple(
-        Reason(ReasonCode.CLOCK, a.clock, f"clock {a.clock}: alignment {a.status}: {'; '.join(a.reasons)}")
+        Reason(ReasonCode.CLOCK, a.clock, worded(f"clock {a.clock}: alignment {a.status}: ", joined("; ", a.reasons)))
         for a in alignments
         if a.status != "ok"
     )

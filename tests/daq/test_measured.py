@@ -7,7 +7,7 @@ import pickle
 
 import pytest
 
-from recoil_acquisition.measured import Worded, beside, figures_of, measured, stated, worded
+from recoil_acquisition.measured import Worded, beside, figures_of, measured, with_figures, worded
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import Check, QualityCheck
 
@@ -34,7 +34,7 @@ def test_figures_come_back_from_another_process_and_from_a_document() -> None:
     reason = Reason(ReasonCode.NOISE, "p", TEXT)
     assert words(pickle.loads(pickle.dumps(reason))) == words(TEXT)  # noqa: S301 - its own
     read = json.loads(json.dumps(reason.to_json()))
-    assert figures_of(stated(read["text"], read)) == figures_of(TEXT)
+    assert figures_of(with_figures(read["text"], read)) == figures_of(TEXT)
 
 
 @pytest.mark.parametrize("text", ["a name of 20 MPa", measured(float("nan"), "MPa", ".3g"), measured(1.0, "", ".3g")])

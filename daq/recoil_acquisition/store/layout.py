@@ -11,7 +11,7 @@
         raw/<clock>/<channel>  what the source stored, as integers, on the same time
         rig                    name, reference_clock, text; databases/*: NXnote
         inputs                 one row per file: name, sha256, size, source, reader
-        alignment/<clock>      offset_s, u_offset_s, drift, u_drift, status, method, reasons, details
+        alignment/<clock>      offset_s, u_offset_s, drift, u_drift, status, method, reasons and their figures, details
         quality                one row per check: channel, check, verdict, detail, figures of the detail (JSON);
                                attribute state (usable, record only, not usable)
         against_mass           one row per reason against the mass beside failed checks: code, about, text, figures
@@ -35,7 +35,7 @@ Four points are decisions:
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib import metadata
 from typing import Any
 
@@ -44,7 +44,7 @@ import numpy as np
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.channel import Step
 from recoil_acquisition.files.strict_json import read_json
-from recoil_acquisition.measured import Worded, beside, stated
+from recoil_acquisition.measured import Worded, beside, with_figures
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import ClockAlignment, InputFile, QualityCheck, Shot, doubted_clocks
 from recoil_acquisition.store.channel_layout import read_channels, write_channels
@@ -231,8 +231,17 @@ def _worded(group: Any, texts: list[str]) -> list[Worded]:
     """Return the texts of a table with their figures; files of before state none."""
     if FIGURES not in group:
         return [Worded(text) for text in texts]
-    rows = read_table(group, (FIGURES,))
-    return [stated(text, {FIGURES: read_json(row[FIGURES])}) for text, row in zip(texts, rows, strict=True)]
+    return _with_figures(texts, [row[FIGURES] for row in read_table(group, (FIGURES,))])
+
+
+def _reasons(group: Any) -> tuple[str, ...]:
+    """Read the doubts of an alignment with their figures; files of before state none."""
+    texts = _texts(_json(group, "reasons"))
+    return tuple(_with_figures(texts, _texts(_json(group, FIGURES)))) if FIGURES in group else texts
+
+
+def _with_figures(texts: Sequence[str], figures: Sequence[str]) -> list[Worded]:
+    return [with_figures(text, {FIGURES: read_json(one)}) for text, one in zip(texts, figures, strict=True)]
 
 
 def _figures(texts: Iterable[str]) -> list[str]:
@@ -250,7 +259,7 @@ def read_alignments(entry: Any) -> tuple[ClockAlignment, ...]:
             **{name: float(group[name][()]) for name in numbers},
             status=_one_of(read_text(group, "status"), ("ok", "ambiguous", "failed")),
             method=read_text(group, "method"),
-            reasons=_texts(_json(group, "reasons")),
+            reasons=_reasons(group),
             details=_object(_json(group, "details")) if "details" in group else None,
         )
         for group in groups
@@ -309,6 +318,7 @@ def _write_alignments(entry: Any, alignments: tuple[ClockAlignment, ...]) -> Non
         write_text(own, "status", alignment.status)
         write_text(own, "method", alignment.method)
         write_text(own, "reasons", json_text(list(alignment.reasons)))
+        write_text(own, FIGURES, json_text(_figures(alignment.reasons)))
         if alignment.details is not None:
             write_text(own, "details", json_text(alignment.details))
 

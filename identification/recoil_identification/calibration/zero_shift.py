@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.measured import Worded, measured, worded
+from recoil_acquisition.measured import Worded, joined, measured, worded
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.estimate.mass import ACCELERATION
 from recoil_identification.inference.score import Scores
@@ -100,7 +100,7 @@ class ZeroShift:
     @property
     def told(self) -> Worded:
         """By how much it shifted, in words."""
-        pieces = list[str]()
+        parts = list[str]()
         for opened, size, u, unit, forms, closed in (
             ("by ", self.step_m_s2, self.u_step_m_s2, "m/s^2", ("+.3g", ".2g"), ") to stay"),
             ("by ", self.decaying_m_s2, self.u_decaying_m_s2, "m/s^2", ("+.3g", ".2g"),
@@ -108,9 +108,10 @@ class ZeroShift:
             ("with a kick of ", self.kick_m_s, self.u_kick_m_s, "m/s", ("+.2g", ".1g"), ")"),
         ):  # fmt: skip
             if u:
-                pieces += [" and "] if pieces else []
-                pieces += [opened, measured(size, unit, forms[0]), " (u ", measured(u, unit, forms[1]), closed]
-        return worded(*pieces) if pieces else Worded("not at all")
+                parts.append(
+                    worded(opened, measured(size, unit, forms[0]), " (u ", measured(u, unit, forms[1]), closed)
+                )
+        return joined(" and ", parts or ["not at all"])
 
     def __str__(self) -> str:
         return str(self.told)

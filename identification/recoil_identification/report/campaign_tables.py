@@ -307,7 +307,7 @@ def _peak(value: float | None, scale: float, decimals: int) -> str:
 
 def assumed(document: Document) -> list[str]:
     """Say in a line for each kind what the shots' reports take for granted."""
-    return assumption_lines(document.get("assumptions") or ())
+    return list(assumption_lines(document.get("assumptions") or ()))
 
 
 def notes(document: Document) -> list[str]:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from recoil_acquisition.measured import Worded, figures_of, stated
+from recoil_acquisition.measured import Worded, figures_of, with_figures
 from recoil_acquisition.quantity import Unit, find_unit
 from recoil_identification.estimate.rounding import MINUS, significant
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace
@@ -48,7 +48,7 @@ class ChosenUnits:
         units = [(name, find_unit(name)) for name in names]
         chosen = {quantity: name for name, unit in units if unit is not None for quantity in unit.quantities}
         beside = [(row, key) for rows, key in TEXTS for row in document.get(rows) or ()] + [(document, "summary")]
-        said = [stated(str(row[key]), row) for row, key in beside if row.get("figures")] if chosen else []
+        said = [with_figures(str(row[key]), row) for row, key in beside if row.get("figures")] if chosen else []
         return cls(chosen, {str(one): one for one in said})
 
     def factor(self, unit: str) -> tuple[float, str]:

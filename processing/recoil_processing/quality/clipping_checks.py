@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.measured import Worded, measured, worded
+from recoil_acquisition.measured import Worded, joined, measured, worded
 from recoil_processing.gaps import longest_run
 from recoil_processing.noise import noise_sigma
 from recoil_processing.quality.level_checks import NO_SAMPLE
@@ -102,16 +102,17 @@ def check_clipping(samples: Array, low: float, high: float, *, unit: str) -> Out
 
 def _wider(ends: Sequence[str], low: float, high: float, unit: str) -> Worded:
     """Say how to choose a range whose ends do not cut off, or that what goes beyond its shorter side is upside down."""
-    span, parts = high - low, list[str]()
+    span, parts = high - low, list[Worded]()
     if "high" in ends:
         above = high + max(abs(high), ZERO_SHARE * span) / 2
-        parts += ["raise the range beyond ", measured(above, unit, ".3g")]
+        parts.append(worded("raise the range beyond ", measured(above, unit, ".3g")))
     if "low" in ends:
         below = low - max(abs(low), ZERO_SHARE * span) / 2
-        parts += [" and " if parts else "", "let the range begin below ", measured(below, unit, ".3g")]
+        parts.append(worded("let the range begin below ", measured(below, unit, ".3g")))
+    widened = joined(" and ", parts)
     if len(ends) == 1 and (-low < high if "low" in ends else high < -low):
-        return worded("change the `polarity` of its channel in the rig if the pulse is upside down, else ", *parts)
-    return worded(*parts)
+        return worded("change the `polarity` of its channel in the rig if the pulse is upside down, else ", widened)
+    return widened
 
 
 def _within(samples: Array, low: float, high: float, *, shown: str, unit: str) -> Outcome:
