@@ -12,6 +12,7 @@ like a figure is none. At the edge each figure may be worded again, in another u
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -122,7 +123,7 @@ def with_figures(text: str, row: Mapping[str, Any]) -> Worded:
     for entry in entries if isinstance(entries, list) else ():
         match entry:
             case {"value": int() | float() as value, "unit": str(unit), "at": [int(start), int(end)]}:
-                if not at <= start < end <= len(text) or not math.isfinite(value):
+                if not at <= start < end <= len(text) or not abs(value) <= sys.float_info.max:
                     return Worded(text)
                 found, at = [*found, Measured(float(value), unit, start, end)], end
             case _:

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import Fault
-from recoil_acquisition.measured import measured, worded
-from recoil_acquisition.remark import Note, NoteCode
+from recoil_acquisition.measured import beside, measured, worded
+from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode, findings_of
+from recoil_acquisition.shot import Check, QualityCheck
 from recoil_identification.campaign.combination import combine
 from recoil_identification.estimate.rounding import MINUS, THIN, fixed, grouped
 from recoil_identification.report.campaign_document import campaign_document
@@ -149,7 +150,8 @@ def test_a_name_with_a_number_and_a_unit_stays_beside_figures_that_change(said: 
     "figures",
     ["MPa", {"a": 1}, [1], [{"value": 1.0, "unit": "MPa", "at": [0]}], [{"value": 1.0, "unit": "MPa", "at": [3, 99]}],
      [{"value": 1.0, "unit": "MPa", "at": [-3, 4]}], [{"value": "1", "unit": "MPa", "at": [0, 5]}],
-     [{"value": 1.0, "unit": "MPa", "at": [0, 5]}, {"value": 1.0, "unit": "MPa", "at": [3, 5]}]],
+     [{"value": 1.0, "unit": "MPa", "at": [0, 5]}, {"value": 1.0, "unit": "MPa", "at": [3, 5]}],
+     [{"value": 10**400, "unit": "MPa", "at": [0, 5]}], [{"value": math.nan, "unit": "MPa", "at": [0, 5]}]],
 )  # fmt: skip
 def test_places_that_cannot_be_leave_a_text_as_it_is(figures: object) -> None:
     document = {"issued": {"units": ["psi"]}, "findings": [{"text": "1 MPa", "figures": figures}]}
@@ -187,3 +189,25 @@ def test_peaks_of_a_campaigns_shots_go_along() -> None:
     assert float(shots.rows[0]["breech_pressure_pa"]) == pytest.approx(128.4 * PSI_PER_MPA, rel=1e-3)
     assert shots.rows[0]["recoil_travel_m"] == "31.88"
     assert "Mass / kg" in heads.values()
+
+
+def test_a_page_words_figures_anew_and_keeps_the_names_beside_them() -> None:
+    name, length = "p_brake 20 MPa", "AI 1 m"
+    noise = QualityCheck(name, Check.BASELINE, "warn", worded("noise ", measured(0.5, "MPa", ".2f"), " as ", length))
+    lost = Reason(ReasonCode.CHECK, name, worded(f"quality: {name}: rests at ", measured(-3.0, "MPa", "+.1f")))
+    travel = worded(f"{length} moves by ", measured(0.12, "mm", ".2f"))
+    taken = {"quantity": name, "taken": str(travel), "detail": "", **beside(travel)}
+    report = a_report(
+        reasons=[str(lost)], findings=findings_of([lost]), quality=[noise.to_json()], assumptions=[taken], valid=False
+    )
+    page = render_page(report | {"issued": {"units": ["bar", "in"]}}, ())
+    for words in (
+        f"quality: {name}: rests at {MINUS}30 bar",
+        f"noise 5.0 bar as {length}",
+        f"{length} moves by 0.0047 in",
+    ):
+        assert words.replace(MINUS, "-") in page.replace(MINUS, "-"), words
+    assert "200 bar" not in page
+    in_si = render_page(report, ())
+    for words in (str(lost), noise.detail, str(travel)):
+        assert words in in_si.replace(MINUS, "-"), words
