@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 import typer
 
-from recoil_acquisition.store.shot_log import COLUMNS as COLUMNS_OF_LOG
+from recoil_acquisition.store.shot_log_row import COLUMNS as COLUMNS_OF_LOG
 from recoil_daq.cli import app
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.tables.certificate_table import COLUMNS as COLUMNS_OF_SENSORS

@@ -280,6 +280,7 @@ def test_the_equations_of_the_page_are_those_of_the_model() -> None:
             assert found[f"M{i + 1}{j + 1}"] == pytest.approx(M[i, j], rel=1e-12, abs=1e-9), f"M{i + 1}{j + 1}"
 
 
+@pytest.mark.whole_way
 def test_the_pages_are_built_and_load_nothing_from_a_network(tmp_path: Path) -> None:
     properdocs = pytest.importorskip("properdocs.commands.build", reason="properdocs, of the extra `docs`")
     from properdocs.config import load_config

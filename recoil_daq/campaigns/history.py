@@ -11,13 +11,14 @@ from typing import Any
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.files.regular_file import read_small
-from recoil_acquisition.files.strict_json import read_json
+from recoil_acquisition.files.strict_json import read_json, told_in_one_line
 from recoil_daq.campaigns.sources import CampaignReport
 from recoil_daq.reports.report_folder import way_to_page
 from recoil_identification.report.campaign_document import CAMPAIGN_FILE, LARGEST_ANSWER, SCHEMA
-from recoil_identification.report.history import THIS, Row, history_document, row_of, shared_kg2
+from recoil_identification.report.history import THIS, history_document, row_of, shared_kg2
 from recoil_identification.report.html import CAMPAIGN_PAGE
-from recoil_identification.report.report_files import REPORT_FILE, seal_fault
+from recoil_identification.report.report_files import REPORT_FILE, refuse_deep, seal_fault
+from recoil_identification.report.result_table import Row
 
 HISTORY_FILE = "earlier campaign"
 """Source of an earlier campaign's answer among the inputs of an answer."""
@@ -57,21 +58,19 @@ class Past:
             If it is none, or lacks what it takes to compare it.
         """
         content = read_small(path, LARGEST_ANSWER, "a campaign's answer")
-        try:
+        with told_in_one_line(
+            "this is no answer of a campaign that can be compared", path,
+            remedy="combine its shots anew, or take it out of the history",
+        ):  # fmt: skip
             document = read_json(content)
             if document["schema"] != SCHEMA:
                 raise ValueError(f"schema {document['schema']!r}")
+            refuse_deep(document)
             row = row_of(document, name)
             fault = seal_fault(document)
             shared_kg2(document, document)
             _shots(document)
             remark = f"it {fault}" if fault else None if document["valid"] else "it is not valid"
-        except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
-            raise ReadError(
-                "this is no answer of a campaign that can be compared", path=path,
-                found=f"no {error}" if isinstance(error, LookupError) else str(error),
-                remedy="combine its shots anew, or take it out of the history",
-            ) from error  # fmt: skip
         return cls(path, hashlib.sha256(content).hexdigest(), name, document, {**row, "remark": remark})
 
 
@@ -131,37 +130,22 @@ class History:
         ReadError
             If they cannot be compared.
         """
-        compared = [_Placed(THIS, document, home)]
-        rows: list[Row] = []
-        for one in reversed(self.past):  # of two with shots in common the newer one is taken
-            placed = _Placed(one.name, one.document, one.path.parent)
-            remark = one.row["remark"] or next(_apart(placed, compared), None)
-            if remark is None:
-                compared.append(placed)
-            page = way_to_page(home, one.path.parent, CAMPAIGN_PAGE)
-            rows.append({**one.row, "remark": remark, "page": page})
-        documents = [one.document for one in reversed(compared)]
-        covariance = [
-            [a["mass"]["u"] ** 2 if a is b else shared_kg2(a, b) for b in documents] for a in documents
-        ]  # fmt: skip
-        try:
-            return history_document([*reversed(rows), row_of(document, THIS)], covariance)
-        except ValueError as error:
-            raise ReadError(
-                "these campaigns cannot be compared", path=self.past[0].path if self.past else None, found=str(error)
-            ) from error
+        with told_in_one_line("these campaigns cannot be compared", self.past[0].path if self.past else home):
+            new = Past(home / CAMPAIGN_FILE, "", THIS, document, row_of(document, THIS))
+            compared, rows = [new], [new.row]
+            for one in reversed(self.past):  # of two with shots in common the newer one is taken
+                remark = one.row["remark"] or next(_apart(one, compared), None)
+                compared += [one] if remark is None else []
+                page = way_to_page(home, one.path.parent, CAMPAIGN_PAGE)
+                rows.append({**one.row, "remark": remark, "page": page})
+            documents = [one.document for one in reversed(compared)]
+            covariance = [
+                [a["mass"]["u"] ** 2 if a is b else shared_kg2(a, b) for b in documents] for a in documents
+            ]  # fmt: skip
+            return history_document(rows[::-1], covariance)
 
 
-@dataclass(frozen=True)
-class _Placed:
-    """A campaign by its name, its answer and the folder of that."""
-
-    name: str
-    document: Mapping[str, Any]
-    home: Path
-
-
-def _apart(one: _Placed, compared: Sequence[_Placed]) -> Iterator[str]:
+def _apart(one: Past, compared: Sequence[Past]) -> Iterator[str]:
     """Yield why a campaign is not compared with those that are, the new one first."""
     this = compared[0].document
     rig, built = one.document["rig"], one.document["mass"].get("configuration")
@@ -174,7 +158,7 @@ def _apart(one: _Placed, compared: Sequence[_Placed]) -> Iterator[str]:
             yield f"{common} of its shots {'are' if common > 1 else 'is'} in {other.name}, too"
 
 
-def _common(one: _Placed, other: _Placed) -> int:
+def _common(one: Past, other: Past) -> int:
     """Count the shots that two campaigns have in common.
 
     Shots of one name and instant are one if they were made of one recorded file; where the report of one of them is not
@@ -193,12 +177,12 @@ def _shots(document: Mapping[str, Any]) -> dict[tuple[str, str], str | None]:
     return {(str(one["shot"]), str(one["started"] or "")): one["report"] for one in document["shots"]}
 
 
-def _recorded(one: _Placed, page: str | None) -> frozenset[str]:
+def _recorded(one: Past, page: str | None) -> frozenset[str]:
     """Return the digests of the recorded files of a shot; none where its report is not at hand."""
     if page is None:
         return frozenset()
     try:
-        report = CampaignReport.read((one.home / page).parent / REPORT_FILE)
+        report = CampaignReport.read((one.path.parent / page).parent / REPORT_FILE)
     except RecoilDaqError:
         return frozenset()
     return frozenset(file.sha256 for file in report.recorded if file.sha256)

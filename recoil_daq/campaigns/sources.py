@@ -14,12 +14,13 @@ from pathlib import Path
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.files.new_file import give_name, partial_path
 from recoil_acquisition.files.regular_file import read_small
-from recoil_acquisition.files.strict_json import read_json
+from recoil_acquisition.files.strict_json import read_json, told_in_one_line
 from recoil_acquisition.recorded_file import RecordedFile
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store import recorded_files
-from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
+from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
+from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_daq.reports.identify import find_shot_files
 from recoil_daq.reports.reproduction import reports_in
 from recoil_daq.reports.stored_shot import BESIDE, RIG_FILE
@@ -173,7 +174,7 @@ class CampaignReport:
         """Read what a campaign needs of a ``report.json``; ReadError if it is no report of a shot."""
         content = read_small(path, LARGEST_REPORT, "a report")
         document = read_document(path, content)
-        try:
+        with told_in_one_line("this is no report of a shot", path, expected=f"schema {SCHEMA}"):
             provenance = document["provenance"]
             rigs = [str(one["sha256"]) for one in provenance["inputs"] if one.get("source") == RIG_FILE]
             recorded = tuple(
@@ -183,10 +184,6 @@ class CampaignReport:
             outputs = {str(one["file"]): str(one["sha256"]) for one in provenance.get("outputs", ())}
             fault = seal_fault(document)
             thin = bool(provenance["parameters"].get("options", {}).get("thin"))
-        except (LookupError, TypeError, ValueError, AttributeError) as error:
-            raise ReadError(
-                "this is no report of a shot", path=path, expected=f"schema {SCHEMA}", found=str(error)
-            ) from error
         try:
             taken: CampaignShot | str = CampaignShot.of_report(document)
         except ValueError as error:

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError, StoreError, nearest_first
-from recoil_acquisition.store.shot_log import KNOWN, SHOT_LOG, ShotLog, ShotLogRow, meant_shot, shots_beside
+from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, meant_shot, shots_beside
+from recoil_acquisition.store.shot_log_row import KNOWN, ShotLogRow
 from recoil_daq.terminal.result import Printed
 
 if TYPE_CHECKING:

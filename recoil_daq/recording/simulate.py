@@ -9,7 +9,8 @@ from typing import Any
 
 from recoil_acquisition.errors import ErrorCode, StoreError
 from recoil_acquisition.linear_algebra import on_one_thread
-from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
+from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
+from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import CampaignPlan, PlannedShot, TwinShot, simulate_shot, with_settings

@@ -12,14 +12,15 @@ from typing import Any
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.regular_file import read_small
+from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_acquisition.store import shot_summary
 from recoil_daq.reports.output import Output
 from recoil_daq.reports.report_folder import publish, refuse_existing, way_to_page
 from recoil_daq.reports.reproduction import ANEW, find_reports
-from recoil_daq.terminal.result import Printed
+from recoil_daq.terminal.result import PagedDocument
 from recoil_daq.version import __version__
 from recoil_identification.report.beside import Laid, beside_document, beside_figures
-from recoil_identification.report.html import BESIDE_PAGE, render_beside_page
+from recoil_identification.report.html import BESIDE_PAGE, render_results_page
 from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.report_files import (
     LARGEST_REPORT,
@@ -34,28 +35,16 @@ from recoil_identification.report.report_files import (
 
 
 @dataclass(frozen=True, repr=False)
-class Beside(Printed):
+class Beside(PagedDocument):
     """Reports beside one another, and where their page was written.
 
     Attributes
     ----------
     document
         Rows of what differs and of what is equal, in JSON types.
-    folder
-        Folder of the first report; it holds ``beside.html``.
+    page
+        Page, ``beside.html`` in the folder of the first report.
     """
-
-    document: dict[str, Any]
-    folder: Path
-
-    @property
-    def page(self) -> Path:
-        """The page."""
-        return self.folder / BESIDE_PAGE
-
-    def to_json(self) -> dict[str, Any]:
-        """Return what differs, and what is equal."""
-        return {**self.document, "page": str(self.page)}
 
     def show(self) -> None:
         """Print what differs, and where the page is."""
@@ -179,9 +168,9 @@ def beside(
         for name, (folder, one) in zip(names, all_of_them, strict=True)
     ]  # fmt: skip
     document = beside_document(laid, version=__version__)
-    page = render_beside_page(document, beside_figures(laid), standalone=standalone)
+    page = render_results_page(document, beside_figures(laid), standalone=standalone)
     publish(home, write)
-    return Beside(document, home)
+    return Beside(document, home / BESIDE_PAGE)
 
 
 def read_laid(path: Path) -> Laid:
@@ -194,17 +183,10 @@ def read_laid(path: Path) -> Laid:
         trace=read_trace(folder),
         curves=read_curves(folder),
     )
-    try:
+    with told_in_one_line("this report cannot be laid beside others", path, remedy=ANEW):
         # what can be laid beside itself can be laid beside others: a text where a number belongs shows before any work
         json.dumps(beside_document([one], version=__version__), ensure_ascii=False).encode()
         beside_figures([one])
-    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
-        raise ReadError(
-            "this report cannot be laid beside others",
-            path=path,
-            found=f"{type(error).__name__}: {error}",
-            remedy="identify the shot anew",
-        ) from error
     return one
 
 
@@ -229,11 +211,9 @@ def _vouched(path: Path, document: dict[str, Any]) -> dict[str, Any]:
     ReadError
         If it was changed since, or a file beside it was.
     """
-    try:
+    with told_in_one_line("this is no report of a shot", path):
         fault = report_fault(document)
         listed = {str(one["file"]): str(one["sha256"]) for one in document["provenance"].get("outputs", ())}
-    except (LookupError, TypeError, AttributeError) as error:
-        raise ReadError("this is no report of a shot", path=path, found=str(error)) from error
     if fault:
         raise ReadError(f"this report {fault}", path=path, remedy=ANEW)
     for name, sha256 in listed.items():

@@ -7,16 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import ReadError, RecoilDaqError, quoted
-from recoil_acquisition.linear_algebra import on_one_thread
-from recoil_acquisition.shot import InputFile
-from recoil_acquisition.store.shot_log import ShotLog
-from recoil_daq.reports.reproduction import ANEW, Kept, KeptTarget, Recomputed, find_reports, recompute
-from recoil_daq.reports.stored_shot import BESIDE, LOG_FILE
+from recoil_acquisition.errors import ReadError, quoted
+from recoil_daq.reports.reproduction import ANEW, KeptDocument, recompute
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.explanation import Entry, explained
-from recoil_identification.report.report_files import REPORT_FILE, computer
+from recoil_identification.report.report_files import computer
 from recoil_identification.report.reproduction import ELSEWHERE, Comparison, Difference
 from recoil_rigs.shots.fired_shot import FiredShot
 
@@ -88,15 +84,7 @@ class Explained(Printed):
             "parameters": dict(self.parameters),
             "versions": {"made": dict(self.made), "now": dict(self.now)},
             "files": [dict(one) for one in self.files],
-            "recomputed": {
-                "again": self.again,
-                "tolerance": 0.0 if self.exact else ELSEWHERE,
-                "numbers": self.comparison.numbers,
-                "largest_relative": self.comparison.largest,
-                "differing": len(self.differences),
-                "differences": [one.to_json() for one in self.differences[:MOST_LISTED]],
-                **_of_files(self.comparison),
-            },
+            "recomputed": _outcome(self.comparison, exact=self.exact),
         }
 
     def show(self) -> None:
@@ -110,54 +98,36 @@ class Explained(Printed):
         return f"Explained({self.shot!r}: {self.comparison.numbers} numbers, {came}, {self.report})"
 
 
-@on_one_thread
-def explain_report(
-    report: str | Path,
-    key: str | None = None,
-    *,
-    shots: str | Path | None = None,
-    progress: Progress = lambda _: None,
+def explained_again(
+    kept: KeptDocument, key: str | None, folders: Sequence[Path], progress: Progress = lambda _: None
 ) -> Explained:
-    """Explain the numbers of a report or of a target, and make it again from its shot file.
+    """Explain the numbers of a document, and make it again; errors as of `recoil_daq.reports.reproduction.recompute`.
 
     Parameters
     ----------
-    report
-        Path of a ``report.json``, the folder of one, or the document of a target.
     key
-        Key path of what is to be explained: ``mass``, ``rpe``, ``budget``, ``peaks``, ``alignment``, ``mass.u``,
-        ``peaks.breech_pressure_pa``, ``budget.packing friction``, any other key of the report. None for the first five.
-    shots
-        Folder in which to look for the shot file first.
+        Key path of what is to be explained; None for what most ask for.
+    folders
+        Folders in which to look for what it was made of first.
     progress
         Function called with the name of each step.
-
-    Raises
-    ------
-    ReadError
-        If there is no such report or key, or the shot file is not found or has changed.
-    StoreError, RigError, IdentificationError
-        As of `recoil_daq.reports.identify.identify_file`.
     """
-    path = _one_report(report)
-    kept = Kept.read(path) if path.name == REPORT_FILE or path.is_dir() else KeptTarget.read(path)
-    done = recompute(kept, folders_of(shots), progress=progress)
-    entries = entries_of(kept.path, kept.document, key, done.fired, done.comparison)
+    done = recompute(kept, folders, progress=progress)
+    entries = entries_of(kept.path, kept.document, key, done.again.fired, done.comparison)
     provenance = kept.document["provenance"]
-    steps = [f"{one.what}, recoil-daq {one.version}{_parameters(one.parameters)}" for one in done.fired.shot.history]
     return Explained(
         report=kept.path,
-        shot=str(kept.document["shot"]),
+        shot=", ".join(kept.shots),
         rig=str(kept.document["rig"]),
         key=key,
         entries=entries,
-        steps=(*steps, f"identify, recoil-daq {provenance['version']}, {kept.what}"),
+        steps=done.again.steps,
         parameters=provenance["parameters"],
         made={"recoil-daq": provenance["version"], **provenance.get("computer", {})},
         now={"recoil-daq": __version__, **computer()},
-        files=tuple(_files(kept, done, folders_of(shots))),
+        files=tuple(state for one in done.again.ingredients for state in one.states()),
         exact=kept.same_computer,
-        comparison=done.whole(folders_of(shots)),
+        comparison=done.whole(folders),
     )
 
 
@@ -184,17 +154,6 @@ def entries_of(
         ) from error
 
 
-def _one_report(place: str | Path) -> Path:
-    found = find_reports(place)
-    if len(found) > 1:
-        raise ReadError(
-            f"{len(found)} reports in this folder", path=Path(place), expected="one",
-            remedy=f"name one of them, or check them all: `recoil-daq explain {quoted(place)} --check`, in Python "
-            "`check_reports`",
-        )  # fmt: skip
-    return found[0]
-
-
 def folders_of(shots: str | Path | None) -> list[Path]:
     """Return the folder in which to look for shot files first; ReadError if there is no such folder."""
     if shots is not None and not Path(shots).is_dir():
@@ -202,55 +161,19 @@ def folders_of(shots: str | Path | None) -> list[Path]:
     return [] if shots is None else [Path(shots)]
 
 
-def _of_files(found: Comparison | None) -> dict[str, Any]:
-    """State which drawings hold what they should, and which files were not compared."""
+def _outcome(found: Comparison | None, *, exact: bool) -> dict[str, Any]:
+    """State what came of a comparison; None of one that could not be made."""
+    differences = () if found is None else found.differences
     return {
+        "again": found is not None and found.again,
+        "tolerance": 0.0 if exact else ELSEWHERE,
+        "numbers": None if found is None else found.numbers,
+        "largest_relative": None if found is None else found.largest,
+        "differing": None if found is None else len(differences),
+        "differences": [one.to_json() for one in differences[:MOST_LISTED]],
         "drawings": [] if found is None else list(found.drawings),
         "not_compared": [] if found is None else [one.to_json() for one in found.not_compared],
     }
-
-
-def _parameters(given: Mapping[str, Any]) -> str:
-    return "".join(f", {name} {value}" for name, value in given.items() if not isinstance(value, Mapping | list))
-
-
-def _files(kept: Kept, done: Recomputed, shots: Sequence[Path]) -> list[dict[str, Any]]:
-    """Say of each file that the report was made of whether it is still as it was."""
-    found: list[dict[str, Any]] = []
-    for one in kept.inputs:
-        for path in (folder / one.name for folder in shots):
-            # what lies where somebody said is told, also if another copy was taken
-            if (
-                path.parent != done.shot_file.parent
-                and path.is_file()
-                and (other := InputFile.of(path).sha256) != one.sha256
-            ):
-                state = "another file than the report was made of"
-                found.append(_stated(one) | {"found": str(path), "sha256_now": other, "state": state})
-        path = done.shot_file if one == kept.shot_file else done.shot_file.parent / one.name
-        now = InputFile.of(path).sha256 if path.is_file() else None
-        state = "as it was" if now == one.sha256 else "not here: what it held is in the shot file"
-        if now is not None and now != one.sha256:
-            state = "changed since"
-            if one.source == LOG_FILE:
-                state += _row_since(kept, path)
-        elif now is None and one.source in BESIDE:
-            state = "not here: what it said is in the report"
-        found.append(_stated(one) | {"found": None if now is None else str(path), "sha256_now": now, "state": state})
-    return found
-
-
-def _stated(one: InputFile) -> dict[str, Any]:
-    return {"file": one.name, "sha256": one.sha256}
-
-
-def _row_since(kept: Kept, path: Path) -> str:
-    try:
-        row = ShotLog.read(path).row(str(kept.document["shot"]))
-    except RecoilDaqError as error:
-        return f", and at fault now: {error}"
-    same = (None if row is None else row.to_json()) == kept.document["shot_log"]
-    return ", its row of this shot is the same" if same else ", and so is its row of this shot"
 
 
 @dataclass(frozen=True, repr=False)
@@ -305,24 +228,15 @@ class CheckedReports(Printed):
 
     def to_json(self) -> dict[str, Any]:
         """Return the document that ``explain --check --json`` prints."""
-        rows = []
-        for one in self.reports:
-            found = one.comparison
-            differences = () if found is None else found.differences
-            rows.append(
-                {
-                    "report": str(one.report),
-                    "shot": one.shot or None,
-                    "again": one.again,
-                    "tolerance": 0.0 if one.exact else ELSEWHERE,
-                    "numbers": None if found is None else found.numbers,
-                    "largest_relative": None if found is None else found.largest,
-                    "differing": None if found is None else len(differences),
-                    "differences": [each.to_json() for each in differences[:MOST_LISTED]],
-                    **_of_files(found),
-                    "fault": one.fault or None,
-                }
-            )
+        rows = [
+            {
+                "report": str(one.report),
+                "shot": one.shot or None,
+                **_outcome(one.comparison, exact=one.exact),
+                "fault": one.fault or None,
+            }
+            for one in self.reports
+        ]
         return {"schema": "recoil-daq/explain-check/1", "again": self.again, "reports": rows}
 
     def show(self) -> None:
@@ -334,21 +248,3 @@ class CheckedReports(Printed):
     def __repr__(self) -> str:
         count = sum(one.again for one in self.reports)
         return f"CheckedReports({count} of {len(self.reports)} reports come again)"
-
-
-def checked_report(path: Path, shots: Sequence[Path] = ()) -> CheckedReport:
-    """Make a report, or the document of a target, again from its shot file, and compare every number.
-
-    Parameters
-    ----------
-    shots
-        Folders in which to look for the shot file first.
-
-    Raises
-    ------
-    ReadError, StoreError, RigError, IdentificationError
-        As of `recoil_daq.reports.reproduction.recompute`.
-    """
-    kept = Kept.read(path) if path.name == REPORT_FILE else KeptTarget.read(path)
-    done = recompute(kept, shots)
-    return CheckedReport(path, str(kept.document["shot"]), kept.same_computer, done.whole(shots))

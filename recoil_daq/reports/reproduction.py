@@ -5,24 +5,27 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Self
 
-from recoil_acquisition.errors import ReadError
+from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.files.regular_file import read_beginning, read_small
-from recoil_acquisition.files.strict_json import read_json
+from recoil_acquisition.files.strict_json import read_json, told_in_one_line
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import InputFile
-from recoil_acquisition.store.shot_log import ShotLogRow
+from recoil_acquisition.store.shot_log import ShotLog
+from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_daq.arguments import named_report
 from recoil_daq.reports.drawings import Draw, Drawings, strangers
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.identify import report_pages, reported
 from recoil_daq.reports.stored_shot import BESIDE, HEADER_FILE, LOG_FILE, RIG_FILE, StoredShot, read_stored_again
+from recoil_daq.reports.sweep import sweeps_again
 from recoil_daq.reports.targets import files_of, find_target, target_pages, target_reported
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
@@ -36,8 +39,9 @@ from recoil_identification.report.report_files import (
     TRACE_FILE,
     computer,
     digest_of,
-    read_document,
+    refuse_deep,
 )
+from recoil_identification.report.report_files import SCHEMA as REPORT_SCHEMA
 from recoil_identification.report.reproduction import Comparison, Difference, compare, compare_tables
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
@@ -59,6 +63,52 @@ LONGEST_NAME_BYTES = 255
 """Bytes of a file's longest name, on any usual file system."""
 
 
+@dataclass(frozen=True)
+class Ingredient:
+    """A file that a document was made of, by its name and digest then.
+
+    Attributes
+    ----------
+    paths
+        Paths at which it may be now; one with its digest is taken, else the first that is there.
+    absent
+        Words for its state if it is nowhere there.
+    since
+        Function that says more of one that has changed.
+    named
+        Paths that somebody named: what lies there is told, also if another copy was taken.
+    """
+
+    name: str
+    sha256: str
+    paths: tuple[Path, ...]
+    absent: str
+    since: Callable[[Path], str] = lambda _: ""
+    named: tuple[Path, ...] = ()
+
+    def states(self) -> Iterator[dict[str, Any]]:
+        """Say whether it is still as it was, with ``file``, ``sha256``, ``found``, ``sha256_now`` and ``state``."""
+        for path, now in _digests(self.named):
+            if now != self.sha256:
+                yield self._state(path, now, "another file than the report was made of")
+        there = _digests(self.paths)
+        same = next((found for found in there if found[1] == self.sha256), None)
+        if same is not None:
+            yield self._state(*same, "as it was")
+        elif there:
+            yield self._state(*there[0], f"changed since{self.since(there[0][0])}")
+        else:
+            yield self._state(None, None, self.absent)
+
+    def _state(self, path: Path | None, now: str | None, state: str) -> dict[str, Any]:
+        found = None if path is None else str(path)
+        return {"file": self.name, "sha256": self.sha256, "found": found, "sha256_now": now, "state": state}
+
+
+def _digests(paths: Iterable[Path]) -> list[tuple[Path, str]]:
+    return [(path, InputFile.of(path).sha256) for path in paths if path.is_file()]
+
+
 @dataclass(frozen=True, eq=False)
 class Again:
     """A document made again.
@@ -69,21 +119,30 @@ class Again:
         Texts of the files beside it, by name.
     draw
         Function that draws it.
+    steps
+        Steps from the recorded files to it, a line each.
+    ingredients
+        Files that it was made of.
+    fired
+        Shot as it was fired; None of a campaign, which has many.
     """
 
     document: Mapping[str, Any]
     files: Mapping[str, str]
     draw: Draw
+    steps: tuple[str, ...] = ()
+    ingredients: tuple[Ingredient, ...] = ()
+    fired: StoredShot | None = None
 
 
 @dataclass(frozen=True)
-class Kept:
-    """A report as it stands in its folder.
+class KeptDocument(ABC):
+    """A document as it stands in its folder, which can be made again from what it rests on.
 
     Attributes
     ----------
     document
-        Contents of the ``report.json``.
+        Contents of its file.
     path
         Path of that file.
     other_digits
@@ -95,43 +154,166 @@ class Kept:
     path: Path
     other_digits: tuple[str, ...] = ()
 
+    file: ClassVar[str]
+    """Name of its file."""
+    schema: ClassVar[str]
+    called: ClassVar[tuple[str, str]]
+    """Words for it where it is too large, and where it is none."""
+    largest: ClassVar[int]
+    anew: ClassVar[str]
+    """Words for what makes another one."""
+    several_scripts: ClassVar[bool] = True
+    """Whether the script of its page stands in the folder above, for all pages there."""
+
     @classmethod
-    def read(cls, path: str | Path) -> Kept:
-        """Read a report, of a file or of the folder that it is in.
+    def read(cls, path: str | Path) -> Self:
+        """Read a document, of its file or of the folder that it is in.
 
         Raises
         ------
         ReadError
             If there is none, or it is of another schema or lacks what it takes to make it again.
         """
-        path = Path(path)
-        path = path / REPORT_FILE if path.is_dir() else path
-        content = read_small(path, LARGEST_REPORT, "a report")
-        kept = cls(read_document(path, content), path, other_digits(content))
-        try:
+        path = Path(path) / cls.file if Path(path).is_dir() else Path(path)
+        content = read_small(path, cls.largest, cls.called[0])
+        with told_in_one_line(f"this is no {cls.called[1]} that can be made again", path, remedy=cls.anew):
+            document = read_json(content)
+            if document["schema"] != cls.schema:
+                raise ValueError(f"schema {document['schema']!r}")
+            refuse_deep(document)
+            kept = cls(document, path, other_digits(content))
             kept._needed()
-        except (ValueError, LookupError, TypeError, AttributeError) as error:
-            raise ReadError(
-                "this is no report of a shot that can be made again",
-                path=path,
-                found=f"no {error}" if isinstance(error, LookupError) else str(error),
-                remedy=ANEW,
-            ) from error
         return kept
 
-    def again(self, fired: StoredShot, shot_file: InputFile) -> Again:
+    @abstractmethod
+    def _needed(self) -> object:
+        """Look at all that it takes to make it again; errors of many kinds if something is not there."""
+
+    @abstractmethod
+    def again(self, folders: Sequence[Path], progress: Progress) -> Again:
+        """Make it again with everything as it was, from what is found in folders and around it."""
+
+    @abstractmethod
+    def drawn_as(self) -> tuple[str, str]:
+        """Return the file names of its page and its paper copy."""
+
+    @abstractmethod
+    def besides(self) -> tuple[Comparison, set[str]] | None:
+        """Compare what else of ours stands in its folder, and name all but its drawings; None where others do that."""
+
+    @abstractmethod
+    def changed(self, folders: Sequence[Path]) -> Comparison:
+        """Compare what it was made of with what has its name in folders that were named for this."""
+
+    @property
+    @abstractmethod
+    def shots(self) -> tuple[str, ...]:
+        """Names of its shots."""
+
+    @property
+    def name(self) -> str:
+        """Name of what it is of."""
+        return self.shots[0]
+
+    @property
+    def home(self) -> Path:
+        """Its folder."""
+        return self.path.absolute().parent
+
+    @property
+    def same_computer(self) -> bool:
+        """Whether it was made by this version, on this kind of computer and with these libraries."""
+        provenance = self.document["provenance"]
+        return bool(provenance["version"] == __version__ and provenance.get("computer") == computer())
+
+
+def digest_differences(expected: Iterable[tuple[Path, str | Collection[str], str]]) -> Comparison:
+    """Compare files with what a document states of them, as far as they are there.
+
+    Parameters
+    ----------
+    expected
+        Path, digests that it may have, and what a difference says that it should be.
+    """
+    differences = tuple(
+        Difference(f"SHA-256 of {path}", stated, now)
+        for one, allowed, stated in expected
+        for path, now in _digests([one])
+        if now not in allowed
+    )
+    return Comparison(0, differences, 0.0)
+
+
+def rows_since(path: Path, logged: Mapping[str, Mapping[str, Any] | None]) -> str:
+    """Say of a shot log that has changed whether its rows of some shots have.
+
+    Parameters
+    ----------
+    logged
+        Cells of each shot's row as they were; None for a shot that had none.
+    """
+    try:
+        log = ShotLog.read(path)
+        rows = {shot: log.row(shot) for shot in logged}
+    except RecoilDaqError as error:
+        return f", and at fault now: {error}"
+    now = {shot: {} if row is None else row.to_json() for shot, row in rows.items()}
+    others = [shot for shot, was in logged.items() if _said(was) != _said(now[shot])]
+    if len(logged) == 1:
+        return ", and so is its row of this shot" if others else ", its row of this shot is the same"
+    return f", and so are its rows of {', '.join(others)}" if others else ", its rows of these shots are the same"
+
+
+def _said(row: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return the cells of a row that say something; no mass added is a mass of 0."""
+    return {key: cell for key, cell in (row or {}).items() if cell not in (None, "", 0.0)}
+
+
+class Kept(KeptDocument):
+    """A report as it stands in its folder."""
+
+    file, schema, largest, anew = REPORT_FILE, REPORT_SCHEMA, LARGEST_REPORT, ANEW
+    called = ("a report", "report of a shot")
+
+    def again(self, folders: Sequence[Path], progress: Progress) -> Again:
+        """Identify the shot of its shot file anew.
+
+        Raises
+        ------
+        ReadError
+            If the shot file is not found, or has changed.
+        StoreError, RigError, IdentificationError
+            As of `recoil_daq.reports.identify.identify_file`.
+        """
+        progress("find the shot file")
+        path = found_shot_file(self, folders)
+        progress("read")
+        fired = read_stored_again(
+            path, self.row, self.beside(LOG_FILE), self.beside(RIG_FILE), self.document["provenance"]["corrected_rig"]
+        )
+        header = self.beside(HEADER_FILE)
+        if header is not None:
+            fired = replace(fired, header=Issue.model_validate(self.document["issued"]), header_file=header)
+        # what other rows the log had is in the note on the missing one alone
+        fired = replace(fired, notes=(*fired.notes, *self.notes_on_log(len(fired.notes))))
+        progress("identify")
+        made = self.identified(fired, replace(InputFile.of(path), name=self.shot_file.name))
+        before = [f"{one.what}, recoil-daq {one.version}{_parameters(one.parameters)}" for one in fired.shot.history]
+        steps = (*before, f"identify, recoil-daq {self.document['provenance']['version']}, {self.what}")
+        return replace(made, steps=steps, ingredients=tuple(self._ingredients(path, folders)), fired=fired)
+
+    def identified(self, fired: StoredShot, shot_file: InputFile) -> Again:
         """Identify the shot with everything as it was."""
         found = identify_shot(fired, self.options)
         document, files = reported(fired, found, shot_file, self.truth, Forms.of_document(self.document))
         return Again(document, files, partial(report_pages, found=found))
 
-    def drawings(self, draw: Draw) -> Drawings:
-        """Return what belongs to its drawings."""
-        home = self.path.absolute().parent
-        return Drawings(home, PAGE_NAME, PDF_FILE, home.parent, draw)
+    def drawn_as(self) -> tuple[str, str]:
+        """Return the file names of its page and its paper copy."""
+        return PAGE_NAME, PDF_FILE
 
-    def own_files(self) -> set[str]:
-        """Return the names of all files of its folder that are compared but for its drawings, with other documents."""
+    def besides(self) -> tuple[Comparison, set[str]] | None:
+        """Draw the sweeps in its folder again, and name all files but its drawings, with those of other documents."""
         targets = [path.stem for path in targets_in(self.path.parent) if path.parent == self.path.parent]
         others = {name for target in targets for name in files_of(target)}
         figures = {
@@ -139,16 +321,43 @@ class Kept:
             for target in targets
             for path in (self.path.parent / FIGURES_FOLDER).glob(f"{target}-*")
         }
-        return {self.path.name, TRACE_FILE, CURVES_FILE} | others | figures
+        swept, sweeps = sweeps_again(self.home)
+        return swept, {self.path.name, TRACE_FILE, CURVES_FILE} | others | figures | sweeps
 
-    def _needed(self) -> tuple[object, ...]:
-        """Look at all that it takes to make it again."""
+    def changed(self, folders: Sequence[Path]) -> Comparison:
+        """Compare files in folders with those of their names that it was made of.
+
+        Shot log, rig file and header file go on, and what they said is in the report.
+        """
+        lasting = [one for one in self.inputs if one.source not in BESIDE]
+        return digest_differences(
+            (folder / one.name, (one.sha256,), one.sha256) for one in lasting for folder in folders
+        )
+
+    def _ingredients(self, shot_file: Path, folders: Sequence[Path]) -> Iterator[Ingredient]:
+        since = partial(rows_since, logged={self.shots[0]: self.document["shot_log"]})
+        for one in self.inputs:
+            path = shot_file if one == self.shot_file else shot_file.parent / one.name
+            absent = (
+                f"not here: what it {'said is in the report' if one.source in BESIDE else 'held is in the shot file'}"
+            )
+            named = tuple(folder / one.name for folder in folders if folder != shot_file.parent)
+            of_log = {"since": since} if one.source == LOG_FILE else {}
+            yield Ingredient(one.name, one.sha256, (path,), absent, named=named, **of_log)
+
+    @property
+    def shots(self) -> tuple[str, ...]:
+        """Name of its shot."""
+        return (str(self.document["shot"]),)
+
+    def _needed(self) -> object:
         provenance = self.document["provenance"]
         if not all(isinstance(note, str) for note in self.document["notes"]):
             raise TypeError("notes that are no texts")
         self.notes_on_log(0)
         Forms.of_document(self.document)
-        return provenance["corrected_rig"], provenance["version"], self.truth, self.options, self.row, self.shot_file
+        stated = provenance["corrected_rig"], provenance["version"], self.document["rig"], self.shots
+        return stated, self.truth, self.options, self.row, self.shot_file
 
     @property
     def what(self) -> str:
@@ -214,46 +423,18 @@ class Kept:
         stated = self.document.get("truth")
         return None if stated is None else {"m3": float(stated["mass_kg"])}
 
-    @property
-    def same_computer(self) -> bool:
-        """Whether it was made by this version, on this kind of computer and with these libraries."""
-        return made_here(self.document)
 
-
-@dataclass(frozen=True)
 class KeptTarget(Kept):
     """A target's document as it stands in its folder."""
 
-    @classmethod
-    def read(cls, path: str | Path) -> KeptTarget:
-        """Read the document of a target, of its file.
+    schema, called = TARGET_SCHEMA, ("a target's document", "document of a target")
 
-        Raises
-        ------
-        ReadError
-            If there is none, or it lacks what it takes to make it again.
-        """
-        path = Path(path)
-        content = read_small(path, LARGEST_REPORT, "a target's document")
-        try:
-            document = read_json(content)
-            if document["schema"] != TARGET_SCHEMA:
-                raise ValueError(f"schema {document['schema']!r}")
-            kept = cls(document, path, other_digits(content))
-            kept._needed()
-            target_function(kept.target)
-        except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
-            raise ReadError(
-                "this is no document of a target that can be made again",
-                path=path,
-                found=f"no {error}" if isinstance(error, LookupError) else str(error),
-                remedy=ANEW,
-            ) from error
-        return kept
+    def _needed(self) -> object:
+        return super()._needed(), target_function(self.target)
 
     @property
     def what(self) -> str:
-        """Name of the method, or of the target, for a line of the steps."""
+        """Name of the target, for a line of the steps."""
         return f"target {self.target}"
 
     @property
@@ -266,7 +447,7 @@ class KeptTarget(Kept):
         """With which it was identified."""
         return Options.of_json(self.document["provenance"]["options"])
 
-    def again(self, fired: StoredShot, shot_file: InputFile) -> Again:
+    def identified(self, fired: StoredShot, shot_file: InputFile) -> Again:
         """Identify the target with everything as it was."""
         case = Case(fired, self.options).with_agreeing_gauges()
         found = find_target(self.target, fired, case)
@@ -274,10 +455,12 @@ class KeptTarget(Kept):
         document, files = target_reported(fired, found, shot_file, self.options, forms)
         return Again(document, files, partial(target_pages, found=found))
 
-    def drawings(self, draw: Draw) -> Drawings:
-        """Return what belongs to its drawings."""
-        home = self.path.absolute().parent
-        return Drawings(home, f"{self.target}.html", f"{self.target}.pdf", home.parent, draw)
+    def drawn_as(self) -> tuple[str, str]:
+        """Return the file names of its page and its paper copy."""
+        return f"{self.target}.html", f"{self.target}.pdf"
+
+    def besides(self) -> None:
+        """Return nothing: what else stands there is the report's."""
 
 
 def other_digits(content: bytes) -> tuple[str, ...]:
@@ -300,135 +483,77 @@ def other_digits(content: bytes) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Recomputed:
-    """A report and what came of it again.
+    """A document and what came of it again.
 
     Attributes
     ----------
     kept
-        Report as it stands.
-    shot_file
-        Place where its shot file was found.
+        Document as it stands.
     again
-        Report made again.
-    fired
-        Shot as it was fired.
+        Document made again.
     comparison
-        Comparison of all numbers of the report and of the tables beside it.
+        Comparison of all numbers of the document and of the tables beside it.
     """
 
-    kept: Kept
-    shot_file: Path
+    kept: KeptDocument
     again: Again
-    fired: StoredShot
     comparison: Comparison
 
     @property
     def document(self) -> Mapping[str, Any]:
-        """The report made again."""
+        """The document made again."""
         return self.again.document
 
-    def whole(self, shots: Sequence[Path] = ()) -> Comparison:
-        """Compare page, paper copy and figures, too, and the recorded files in folders that were named for this.
+    def whole(self, folders: Sequence[Path] = ()) -> Comparison:
+        """Compare page, paper copy and figures, too, and what it was made of in folders that were named for this.
 
         Parameters
         ----------
-        shots
-            Folders in which to look for the shot file first.
+        folders
+            Folders in which to look for what it was made of first.
         """
-        kept = self.kept
-        drawings = kept.drawings(self.again.draw)
+        kept, home = self.kept, self.kept.home
+        drawings = Drawings(home, *kept.drawn_as(), home.parent if kept.several_scripts else home, self.again.draw)
         drawn, names = drawings.compared(kept.document, self.document, exact=kept.same_computer)
-        whole = self.comparison.joined(drawn).joined(changed_files(kept.inputs, shots))
-        if isinstance(kept, KeptTarget):
+        whole = self.comparison.joined(drawn).joined(kept.changed(folders))
+        if (found := kept.besides()) is None:
             return whole
-        return whole.joined(strangers(drawings.folder, {*names, *kept.own_files()}))
+        besides, own = found
+        return whole.joined(besides).joined(strangers(home, {*names, *own}))
 
 
-def recompute(kept: Kept, shots: Sequence[Path] = (), *, progress: Progress = lambda _: None) -> Recomputed:
-    """Identify the shot of a report anew, with everything as it was, and compare every number.
+def recompute(kept: KeptDocument, folders: Sequence[Path] = (), *, progress: Progress = lambda _: None) -> Recomputed:
+    """Make a document anew, with everything as it was, and compare every number, every text, every digest.
 
     Parameters
     ----------
-    shots
-        Folders in which to look for its shot file before the usual ones.
+    folders
+        Folders in which to look for what it was made of before the usual ones.
     progress
         Function called with the name of each step.
 
     Raises
     ------
     ReadError
-        If the shot file is not found, or has changed.
+        If what it was made of is not found, or has changed.
     StoreError, RigError, IdentificationError
         As of `recoil_daq.reports.identify.identify_file`.
     """
-    progress("find the shot file")
-    path = found_shot_file(kept, shots)
-    progress("read")
-    fired = read_stored_again(
-        path, kept.row, kept.beside(LOG_FILE), kept.beside(RIG_FILE), kept.document["provenance"]["corrected_rig"]
-    )
-    header = kept.beside(HEADER_FILE)
-    if header is not None:
-        fired = replace(fired, header=Issue.model_validate(kept.document["issued"]), header_file=header)
-    # what other rows the log had is in the note on the missing one alone
-    fired = replace(fired, notes=(*fired.notes, *kept.notes_on_log(len(fired.notes))))
-    progress("identify")
-    again = kept.again(fired, replace(InputFile.of(path), name=kept.shot_file.name))
+    again = kept.again(folders, progress)
     progress("compare")
-    comparison = compared_again(kept.path, kept.document, kept.other_digits, again.document, again.files)
-    return Recomputed(kept, path, again, fired, comparison)
-
-
-def changed_files(inputs: Sequence[InputFile], folders: Sequence[Path]) -> Comparison:
-    """Compare files in folders with those of their names that a report was made of.
-
-    Shot log, rig file and header file go on, and what they said is in the report.
-    """
-    differences = tuple(
-        Difference(f"SHA-256 of {path}", one.sha256, now)
-        for one in inputs
-        for path in (folder / one.name for folder in folders if one.source not in BESIDE)
-        if path.is_file() and (now := InputFile.of(path).sha256) != one.sha256
-    )
-    return Comparison(0, differences, 0.0)
-
-
-def compared_again(
-    path: Path,
-    stored: Mapping[str, Any],
-    other_digits: Sequence[str],
-    again: Mapping[str, Any],
-    files: Mapping[str, str],
-) -> Comparison:
-    """Compare a document and the files beside it with the same made again: every number, every text, every digest.
-
-    Parameters
-    ----------
-    path
-        File of the stored document.
-    other_digits
-        Numerals in it that its numbers are not written with, see `Kept.other_digits`.
-    files
-        Texts of the files beside it as they were made again, by name.
-    """
-    exact = made_here(stored)
+    stored, exact = kept.document, kept.same_computer
     besides = BESIDES if FINDINGS in stored else (*BESIDES, FINDINGS)
-    comparison = compare(stored, again, exact=exact, besides=besides)
-    for name, text in files.items():
-        comparison = comparison.joined(_compared(path.parent / name, stored, text, exact=exact))
-    odd = tuple(Difference(f"a number of {path.name}", one, repr(float(one))) for one in other_digits)
-    comparison = comparison.joined(Comparison(0, odd, 0.0))
-    seal = stored["provenance"].get(SEAL)
-    if seal != digest_of(stored):
-        changed = Difference(f"provenance.{SEAL}", seal, digest_of(stored))
-        comparison = comparison.joined(Comparison(0, (changed,), 0.0))
-    return comparison
+    comparison = compare(stored, again.document, exact=exact, besides=besides)
+    for name, text in again.files.items():
+        comparison = comparison.joined(_compared(kept.path.parent / name, stored, text, exact=exact))
+    odd = [Difference(f"a number of {kept.path.name}", one, repr(float(one))) for one in kept.other_digits]
+    seal, digest = stored["provenance"].get(SEAL), digest_of(stored)
+    odd += [Difference(f"provenance.{SEAL}", seal, digest)] if seal != digest else []
+    return Recomputed(kept, again, comparison.joined(Comparison(0, tuple(odd), 0.0)))
 
 
-def made_here(document: Mapping[str, Any]) -> bool:
-    """Return whether a document was made by this version, on this kind of computer and with these libraries."""
-    provenance = document["provenance"]
-    return bool(provenance["version"] == __version__ and provenance.get("computer") == computer())
+def _parameters(given: Mapping[str, Any]) -> str:
+    return "".join(f", {name} {value}" for name, value in given.items() if not isinstance(value, Mapping | list))
 
 
 def _compared(path: Path, stored: Mapping[str, Any], text: str, *, exact: bool) -> Comparison:

@@ -10,9 +10,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.errors import ReadError, StoreError
+from recoil_acquisition.errors import StoreError
 from recoil_acquisition.extras import NOTEBOOK
 from recoil_acquisition.files.regular_file import read_small
+from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_daq.reports.forms import Forms
@@ -242,16 +243,11 @@ def read_report(path: str | Path) -> Result:
     read_trace(folder)
     read_curves(folder)
     found = Result(document, texts)
-    try:
+    with told_in_one_line("this report cannot be shown", place, remedy="identify the shot anew"):
         # what it is asked for later would fail in the middle of a script
         str(found), found.interval_kg, found.reasons, found.findings
         for key in ("budget", "methods", "correlations"):
             [dict(row) for row in document.get(key, ())]
-    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
-        raise ReadError(
-            "this report cannot be shown", path=place, found=f"{type(error).__name__}: {error}",
-            remedy="identify the shot anew",
-        ) from error  # fmt: skip
     return found
 
 

@@ -5,28 +5,29 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
+from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store import shot_summary
-from recoil_acquisition.store.shot_log import ShotLog, ShotLogRow
+from recoil_acquisition.store.shot_log import ShotLog
+from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_daq.arguments import REPORTS, SHOTS, named_report, named_shot
 from recoil_daq.reports.comparison import report_fault
-from recoil_daq.reports.report_folder import publish, refuse_existing, refuse_unwritable, way_to_page
-from recoil_daq.reports.reproduction import reports_in
-from recoil_daq.terminal.result import Printed, Progress
+from recoil_daq.reports.output import Output
+from recoil_daq.reports.report_folder import publish, way_to_page
+from recoil_daq.reports.reproduction import ANEW, reports_in
+from recoil_daq.terminal.result import PagedDocument, Progress
 from recoil_daq.version import __version__
-from recoil_identification.report.html import INDEX_PAGE, render_index_page
+from recoil_identification.report.html import INDEX_PAGE, render_results_page
 from recoil_identification.report.page_files import write_page
 from recoil_identification.report.report_files import REPORT_FILE, read_document, write_files
+from recoil_identification.report.result_table import Row
 from recoil_identification.report.shot_index import (
-    CELLS,
+    INDEX,
     INDEX_TABLE,
-    Row,
     index_document,
-    index_rows,
-    index_table,
     logged,
     row_of_report,
     row_of_summary,
@@ -41,36 +42,25 @@ _FILES = (INDEX_PAGE, INDEX_TABLE, INDEX_BOOK)
 
 
 @dataclass(frozen=True, repr=False)
-class Indexed(Printed):
+class Indexed(PagedDocument):
     """An index of shots, and where it was written.
 
     Attributes
     ----------
     document
         Rows, how many there are of each verdict, and the files that could not be listed, in JSON types.
-    folder
-        Folder that holds ``index.html`` and ``index.csv``; ``index.xlsx`` where it was asked for.
+    page
+        Page, ``index.html``; ``index.csv`` stands beside it, and ``index.xlsx`` where it was asked for.
     faults
         Errors of the files that could not be listed.
     """
 
-    document: dict[str, Any]
-    folder: Path
     faults: tuple[RecoilDaqError, ...] = ()
-
-    @property
-    def page(self) -> Path:
-        """The page."""
-        return self.folder / INDEX_PAGE
 
     @property
     def shots(self) -> pd.DataFrame:
         """One row a shot or report, as ``index.csv``."""
-        return _table(self.document)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the document of ``index --json``."""
-        return {**self.document, "page": str(self.page)}
+        return INDEX.frame(self.document)
 
     def show(self) -> None:
         """Print a row a shot, and where the page is."""
@@ -119,9 +109,7 @@ def index_shots(
     folder = Path(out)
     if xlsx:
         refuse_without_workbooks()
-    refuse_unwritable(folder)
-    if not overwrite:
-        refuse_existing(folder, _FILES)
+    Output(folder, overwrite=overwrite).refuse_unwritable(folder, _FILES)
     found = _Files.of([Path(one) for one in places])
     rows, faults = [], []
     for number, one in enumerate(found.each(folder)):
@@ -134,16 +122,16 @@ def index_shots(
         rows, version=__version__, failed=[{"file": str(one.path), "error": str(one)} for one in faults]
     )
     progress("page")
-    page = render_index_page(document)
+    page = render_results_page(document)
 
     def write(partial: Path) -> None:
         write_page(partial, page, INDEX_PAGE)
-        write_files(partial, {INDEX_TABLE: index_table(document)})
+        write_files(partial, {INDEX_TABLE: INDEX.csv(document)})
         if xlsx:
-            write_workbook(partial / INDEX_BOOK, {"shots": _table(document)})
+            write_workbook(partial / INDEX_BOOK, {"shots": INDEX.frame(document)})
 
     publish(folder, write, obsolete=_FILES)
-    return Indexed(document, folder, tuple(faults))
+    return Indexed(document, folder / INDEX_PAGE, tuple(faults))
 
 
 @dataclass(frozen=True)
@@ -229,16 +217,11 @@ class _Files:
     ) -> Row:
         """Return the row of a report, and note of which shot file it is."""
         document = read_document(path)
-        try:
+        with told_in_one_line("this report cannot be listed", path, remedy=ANEW):
             fault = report_fault(document)
             row = row_of_report(document)
             shot_file = by_digest.get(str(document["provenance"]["inputs"][0]["sha256"]))
-            index_rows({"shots": [row]})  # what can be worded by itself can be worded among others
-        except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
-            raise ReadError(
-                "this report cannot be listed", path=path, found=f"{type(error).__name__}: {error}",
-                remedy="identify the shot anew",
-            ) from error  # fmt: skip
+            INDEX.worded({"shots": [row]})  # what can be worded by itself can be worded among others
         row["report"] = way_to_page(home, path.parent)
         if fault:
             row |= {"valid": False, "reason": f"this report {fault}"}
@@ -266,9 +249,3 @@ class _Files:
 
 def _remark(row: Row, text: str) -> None:
     row["reason"] = "; ".join(one for one in (row["reason"], text) if one)
-
-
-def _table(document: Mapping[str, Any]) -> pd.DataFrame:
-    import pandas as pd
-
-    return pd.DataFrame(document["shots"], columns=list(CELLS))

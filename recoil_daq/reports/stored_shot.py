@@ -13,7 +13,8 @@ from typing import Any
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import ClockAlignment, InputFile, Shot
 from recoil_acquisition.store import read_shot
-from recoil_acquisition.store.shot_log import ShotLog, ShotLogRow
+from recoil_acquisition.store.shot_log import ShotLog
+from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, DAY_OF, as_fired
 from recoil_daq.version import __version__
 from recoil_processing.shot.clocks.shot_clocks import align_clocks

@@ -8,25 +8,36 @@ from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.errors import IdentificationError, RecoilDaqError
+from recoil_acquisition.files.regular_file import read_beginning, read_small
+from recoil_acquisition.files.strict_json import read_json, told_in_one_line
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.typed_quantity import typed_quantity
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import read_stored
-from recoil_daq.terminal.result import Printed, Progress
+from recoil_daq.terminal.result import PagedDocument, Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.document import provenance_inputs
-from recoil_identification.report.html import render_sweep_page
-from recoil_identification.report.report_files import json_bytes, write_files
+from recoil_identification.report.html import render_results_page
+from recoil_identification.report.report_files import (
+    LARGEST_REPORT,
+    computer,
+    json_bytes,
+    refuse_deep,
+    seal_fault,
+    write_files,
+)
+from recoil_identification.report.reproduction import Comparison, Difference, NotCompared
+from recoil_identification.report.result_table import Row
 from recoil_identification.report.sweep import (
-    CELLS,
     OPTIONS,
-    Row,
+    SCHEMA,
+    SWEEP,
     found_row,
+    stem,
     sweep_document,
     sweep_figures,
-    sweep_table,
 )
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
@@ -81,14 +92,9 @@ class Sweep:
         values = tuple(float(low + k * step) for k in range(count))
         return cls(key, values)
 
-    @property
-    def stem(self) -> str:
-        """Name of its files, without their endings."""
-        return f"sweep_{self.key}"
-
 
 @dataclass(frozen=True, repr=False)
-class Swept(Printed):
+class Swept(PagedDocument):
     """A shot identified at each value of a sweep, and where that was written.
 
     Attributes
@@ -98,9 +104,6 @@ class Swept(Printed):
     page
         Page; the JSON file and the table (CSV) stand beside it under the same name.
     """
-
-    document: dict[str, Any]
-    page: Path
 
     @property
     def moves(self) -> bool | None:
@@ -116,19 +119,15 @@ class Swept(Printed):
     @property
     def rows(self) -> pd.DataFrame:
         """One row a value, that of the shot's own options first, as the CSV file."""
-        import pandas as pd
-
-        return pd.DataFrame([self.document["own"], *self.document["rows"]], columns=list(CELLS))
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the document of ``identify --sweep --json``."""
-        return {**self.document, "page": str(self.page)}
+        return SWEEP.frame(self.document)
 
     def show(self) -> None:
         """Print a row a value, whether the mass moves, and where the page is."""
-        from recoil_daq.terminal.report import print_sweep
+        from recoil_daq.terminal.report import print_results
 
-        print_sweep(self.to_json())
+        d = self.document
+        title = f"Shot {d['shot']} on rig {d['rig']}: {d['option']}"
+        print_results(title, SWEEP, d, d["detail"], f"-> {self.page}", value=d["key"])
 
     def __repr__(self) -> str:
         return f"Swept({self.document['shot']!r}, {self.document['key']}: {self.document['detail']} -> {self.page})"
@@ -173,7 +172,8 @@ def sweep_shot(
     progress("read")
     fired = read_stored(Path(path), rig)
     folder = output.out / fired.shot.name
-    page, data, table = (f"{swept.stem}.{ending}" for ending in ("html", "json", "csv"))
+    name = stem(swept.key)
+    page, data, table = (f"{name}.{ending}" for ending in ("html", "json", "csv"))
     output.refuse_unwritable(folder, (page, data, table))
     specification_kg = 0.0
 
@@ -199,18 +199,55 @@ def sweep_shot(
     )  # fmt: skip
     drawn = sweep_figures(document)
     # of the folder's other files none is the sweep's, and so none goes with it
-    pages = Pages(
-        page,
-        render_sweep_page(document, drawn, table, standalone=standalone),
-        f"{swept.stem}.pdf",
-        None,
-        drawn,
-        f"{swept.stem}-",
-    )
+    html = render_results_page(document, drawn, standalone=standalone)
+    pages = Pages(page, html, f"{name}.pdf", None, drawn, f"{name}-")
 
     def write(partial: Path) -> None:
         (partial / data).write_bytes(json_bytes(document))
-        write_files(partial, {table: sweep_table(document)})
+        write_files(partial, {table: SWEEP.csv(document)})
 
     output.publish(folder, pages, write)
     return Swept(document, folder / page)
+
+
+@on_one_thread
+def sweeps_again(folder: Path) -> tuple[Comparison, set[str]]:
+    """Draw the sweeps of a folder again from their JSON files, and compare their pages and tables byte by byte.
+
+    Returns
+    -------
+    Comparison
+        With the names of those that hold what they should.
+    set of str
+        Names of all files of sweeps.
+    """
+    stems = [stem(key) for key in OPTIONS if (folder / f"{stem(key)}.json").is_file()]
+    whole = Comparison(0, (), 0.0)
+    for one in stems:
+        whole = whole.joined(_again(folder, one))
+    return whole, {f"{one}.{ending}" for one in stems for ending in ("json", "html", "csv")}
+
+
+def _again(folder: Path, name: str) -> Comparison:
+    path, page, table = (folder / f"{name}.{ending}" for ending in ("json", "html", "csv"))
+    try:
+        with told_in_one_line("this is no sweep that can be drawn again", path):
+            document = read_json(read_small(path, LARGEST_REPORT, "a sweep"))
+            if document["schema"] != SCHEMA:
+                raise ValueError(f"schema {document['schema']!r}")
+            refuse_deep(document)
+            fault, drawn = seal_fault(document), sweep_figures(document)
+            pages = [render_results_page(document, drawn, standalone=alone).encode() for alone in (False, True)]
+            files = {page: pages, table: [SWEEP.csv(document).encode()]}
+            here = (document["provenance"]["version"], document["provenance"]["computer"]) == (__version__, computer())
+    except RecoilDaqError as error:
+        return Comparison(0, (), 0.0, (), (NotCompared(path.name, str(error), stated=False),))
+    same = [
+        one.name for one, may in files.items() if one.is_file() and read_beginning(one, max(map(len, may)) + 1) in may
+    ]
+    others = [one for one in files if one.name not in same]
+    differences = [Difference(f"the digest of {path.name}", "that of its content", "another")] if fault else []
+    differences += [Difference(one.name, "a file", "another file") for one in others if here]
+    elsewhere = "it was drawn by another version, or on another kind of computer"
+    loose = [NotCompared(one.name, elsewhere, stated=False) for one in others if not here]
+    return Comparison(0, tuple(differences), 0.0, tuple(same), tuple(loose))

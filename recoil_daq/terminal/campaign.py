@@ -8,10 +8,11 @@ from typing import Any
 
 from recoil_acquisition.errors import visible
 from recoil_daq.terminal.console import output_console
+from recoil_daq.terminal.report import print_results
 from recoil_daq.terminal.tables import print_table, say
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.campaign_tables import IN_U, agreement, constancy, unread_force
-from recoil_identification.report.history import history_rows
+from recoil_identification.report.history import HISTORY
 from recoil_identification.report.sentences import by_groups, specified
 from recoil_rigs.tables.calibration_day import calibrations_in_words
 from recoil_rigs.tables.specification import mass_decimals
@@ -80,15 +81,8 @@ def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
     for shot in d["shots"]:
         if shot["use"]:
             say(f"shot {shot['shot']} is not valid by itself ({'; '.join(shot['reasons'])}); {shot['use']}")
-    if rows := history_rows(d):
-        keys = ("campaign", "when", "shots", "mass", "u", "difference", "u_difference", "e_n", "remark")
-        print_table(
-            "Earlier campaigns",
-            ("campaign", "fired", "shots", "mass, kg", "u, kg", "difference, kg", "u of it, kg", "E_n", "not compared"),
-            [tuple(row[key] for key in keys) for row in rows],
-            numeric=(2, 3, 4, 5, 6, 7),
-        )
-        say(d["history"]["detail"])
+    if "history" in d:
+        print_results("Earlier campaigns", HISTORY, d, d["history"]["detail"])
     mass = d["mass"]
     low, high = mass["U95"]
     used, places = sum(shot["excluded"] is None for shot in d["shots"]), mass_decimals(mass["u"])

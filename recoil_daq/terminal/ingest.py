@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import visible
 from recoil_acquisition.shot import Check
-from recoil_acquisition.store.shot_log import ShotLogRow
+from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_acquisition.usability import Usability
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.overview import print_shots

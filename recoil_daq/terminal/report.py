@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.overview import mass_cells, print_shots, verdict_cell
 from recoil_daq.terminal.tables import fixed, print_outcome, print_table, say
 from recoil_rigs.tables.specification import mass_decimals
+
+if TYPE_CHECKING:
+    from recoil_identification.report.result_table import ResultTable
 
 
 def print_masses(reports: Sequence[Mapping[str, Any]]) -> None:
@@ -173,28 +176,27 @@ def low_passes(document: Mapping[str, Any]) -> str:
     return f"low-pass of the mass: {mass_hz:.4g} Hz, {band}; of the mass over time, RPE and peaks: {whole}"
 
 
-def print_sweep(document: Mapping[str, Any]) -> None:
-    """Print the mass at each value of an option, whether it moves, and where the page is.
+def print_results(title: str, table: ResultTable, document: Mapping[str, Any], *said: str, **headings: str) -> None:
+    """Print results in a row, and what is said of them; without the last column where nothing stands in it.
 
     Parameters
     ----------
-    document
-        Document of ``identify --sweep --json``.
+    said
+        Lines below the table.
+    headings
+        Headings of columns by their keys, where the document has others than the table.
     """
-    from recoil_identification.report.sweep import sweep_rows
-
-    d, rows = document, sweep_rows(document)
-    keys = ("value", "mass", "u", "difference", "e_n", "rpe", "verdict", "reason")
-    heads = (d["key"], "mass, kg", "u, kg", "difference, kg", "E_n", "RPE, %", "verdict", "first reason")
-    count = len(keys) if any(row["reason"] for row in rows) else len(keys) - 1
+    rows = table.worded(document)
+    *columns, last = (one for one in table.columns if one.printed is not None)
+    columns += [last] if any(row[last.key] for row in rows) else []
     print_table(
-        f"Shot {d['shot']} on rig {d['rig']}: {d['option']}",
-        heads[:count],
-        [tuple(row[key] for key in keys[:count]) for row in rows],
-        numeric=(1, 2, 3, 4, 5),
+        title,
+        [headings.get(one.key, one.printed_heading) for one in columns],
+        [[row[one.key] for one in columns] for row in rows],
+        numeric=[place for place, one in enumerate(columns) if one.kind == "number"],
     )
-    say(d["detail"])
-    say(f"-> {d['page']}")
+    for line in said:
+        say(line)
 
 
 def print_target(document: Mapping[str, Any], folder: Path) -> None:

@@ -36,6 +36,31 @@ class Printed(ABC):
 
 
 @dataclass(frozen=True, repr=False)
+class PagedDocument(Printed):
+    """Results in a row, and the page of them.
+
+    Attributes
+    ----------
+    document
+        Rows and what is said of them, in JSON types.
+    page
+        Page; what else was written stands beside it.
+    """
+
+    document: dict[str, Any]
+    page: Path
+
+    @property
+    def folder(self) -> Path:
+        """Folder that holds the page."""
+        return self.page.parent
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document that the command prints with ``--json``."""
+        return {**self.document, "page": str(self.page)}
+
+
+@dataclass(frozen=True, repr=False)
 class MassDocument(Printed):
     """A mass and all that is said of it.
 

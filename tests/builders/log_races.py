@@ -14,7 +14,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from recoil_acquisition.store.shot_log import COLUMNS, SHOT_LOG
+from recoil_acquisition.store.shot_log import SHOT_LOG
+from recoil_acquisition.store.shot_log_row import COLUMNS
 from tests.builders.saved_logs import saved
 
 _COMMAND = """

@@ -23,13 +23,14 @@ FAMILIES: tuple[tuple[Case, ...], ...] = tuple(
 CASES: tuple[Case, ...] = tuple(case for family in FAMILIES for case in family)
 FIRST = {family[0].name for family in FAMILIES}
 """The case of each family of formats that is damaged at every run; the others are where all tests are run."""
+KEPT = pytest.mark.indispensable("law")
 DAMAGES = (rules.a_cut_file_is_refused_or_shorter_with_a_note, rules.flipped_bytes_are_refused_or_read)
 
 
 def damaged(cases: Iterable[Case]) -> list[Any]:
     """Cases for a test that damages each file at many places."""
     return [
-        pytest.param(case, id=case.name, marks=() if case.name in FIRST else pytest.mark.exhaustive) for case in cases
+        pytest.param(case, id=case.name, marks=KEPT if case.name in FIRST else pytest.mark.exhaustive) for case in cases
     ]
 
 

@@ -45,6 +45,7 @@ def test_a_crafted_file_is_refused_with_one_line(sound: Path, tmp_path: Path, wh
     assert read_shot(sound).name == "0007"
 
 
+@pytest.mark.exhaustive
 def test_what_is_not_needed_does_no_harm(sound: Path, tmp_path: Path) -> None:
     assert read_shot(craft(sound, tmp_path / "a.h5", CRAFTED["huge attributes"])).name == "0007"
     rate = craft(sound, tmp_path / "b.h5", CRAFTED["rate of a text"])
@@ -111,6 +112,7 @@ def test_twenty_random_bytes_end_no_process_of_the_operators(sound: Path, tmp_pa
     assert read_shot(sound).name == "0007"
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])
 def test_the_death_of_the_reading_process_is_one_line_and_the_next_file_is_read(
@@ -143,6 +145,7 @@ def test_arrays_are_aligned_and_nobody_may_change_them(sound: Path) -> None:
         assert not channel.samples.flags.writeable
 
 
+@pytest.mark.exhaustive
 def test_samples_that_compress_without_bounds_are_written_so_that_they_are_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

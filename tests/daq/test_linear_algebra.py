@@ -42,6 +42,7 @@ def _several_threads() -> None:
         pytest.skip("the linear algebra of this computer has no threads to limit")
 
 
+@pytest.mark.exhaustive
 def test_a_call_within_a_call_is_limited_and_all_comes_back_behind_it() -> None:
     program = """
         @on_one_thread
@@ -62,6 +63,7 @@ def test_a_call_within_a_call_is_limited_and_all_comes_back_behind_it() -> None:
     assert printed(program) == ["[1] 1", "[1]", "[2] 2"]
 
 
+@pytest.mark.exhaustive
 def test_a_call_that_ends_does_not_lift_the_limit_of_another_thread() -> None:
     program = """
         both, first_ended = threading.Barrier(2), threading.Event()
@@ -87,6 +89,7 @@ def test_a_call_that_ends_does_not_lift_the_limit_of_another_thread() -> None:
     assert printed(program) == ["[1]", "[2]"]
 
 
+@pytest.mark.exhaustive
 def test_a_number_in_the_environment_is_what_somebody_wants() -> None:
     program = """
         on_one_thread(lambda: print(now()))()

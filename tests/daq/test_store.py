@@ -240,6 +240,7 @@ def test_channels_whose_time_bases_are_equal_stand_in_one_group(tmp_path: Path) 
         assert set(file["entry/daq_2"]) == {"time", "c"}
 
 
+@pytest.mark.exhaustive
 def test_the_same_shot_gives_the_same_bytes(tmp_path: Path) -> None:
     first, second = tmp_path / "a.h5", tmp_path / "b.h5"
     write_shot(make_shot(), first)
@@ -686,6 +687,7 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.exhaustive
 def test_a_disk_that_changes_the_last_bit_of_a_sample_is_found_out_before_the_rename(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -740,6 +742,7 @@ def _run(prepare: str, path: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.exhaustive
 def test_a_killed_writer_leaves_no_file_of_the_final_name(tmp_path: Path) -> None:
     result = _run("import os\nos.fsync = lambda handle: os.kill(os.getpid(), 9)", tmp_path / "s.h5")
     assert result.returncode != 0
@@ -748,6 +751,7 @@ def test_a_killed_writer_leaves_no_file_of_the_final_name(tmp_path: Path) -> Non
     write_shot(make_shot(), tmp_path / "s.h5")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(os.name == "nt", reason="a limit of the file size stands in for a full disk; Windows has none")
 def test_a_full_disk_is_one_line_and_leaves_nothing_behind(tmp_path: Path) -> None:
     limit = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))"
@@ -998,6 +1002,7 @@ def test_positive_and_negative_zero_are_different_samples() -> None:
     assert first_difference(one, other) == "samples of channel 'a'"
 
 
+@pytest.mark.exhaustive
 def test_a_shot_of_eight_channels_and_a_camera_is_written_well_within_a_second(tmp_path: Path) -> None:
     shot = make_shot(21_000, 2_000)
     base = shot.channels["acc_recoil"].time_base

@@ -511,6 +511,7 @@ def test_neither_blocks_nor_the_order_in_which_channels_arrive_change_a_decision
     assert [d.time_s for d in decisions] == sorted(d.time_s for d in decisions)
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=100, deadline=None)
 @given(data=st.data())
 def test_arming_in_the_middle_gives_what_the_rest_alone_gives(data):

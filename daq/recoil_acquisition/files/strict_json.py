@@ -8,9 +8,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
+
+from recoil_acquisition.errors import ReadError
 
 
 def read_json(content: str | bytes, *, finite: bool = True) -> Any:
@@ -33,6 +37,27 @@ def read_json(content: str | bytes, *, finite: bool = True) -> Any:
     return json.loads(
         content, object_pairs_hook=_each_once, parse_constant=_finite, parse_float=_finite, parse_int=_whole
     )
+
+
+@contextmanager
+def told_in_one_line(what: str, path: Path, *, expected: str = "", remedy: str = "") -> Iterator[None]:
+    """Refuse a document that lacks something, or has it in the place of something else, whatever fails by it.
+
+    Parameters
+    ----------
+    what
+        Words for what the document cannot be taken for.
+
+    Raises
+    ------
+    ReadError
+        Of `path`, with what was found.
+    """
+    try:
+        yield
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        found = f"no {error}" if isinstance(error, LookupError) else str(error)
+        raise ReadError(what, path=path, expected=expected, found=found, remedy=remedy) from error
 
 
 def as_floats(stated: Mapping[str, Any], kind: type[Any]) -> dict[str, Any]:

@@ -16,11 +16,15 @@ from recoil_identification.estimate.rounding import MINUS, NO_NUMBER, fixed, pla
 from recoil_identification.report.campaign_figures import PANELS
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace, with_interval
 from recoil_identification.report.reproduction import ELSEWHERE
+from recoil_identification.report.result_table import ResultHead
+from recoil_identification.report.section import Column, Section
 from recoil_identification.report.sentences import specified
 from recoil_identification.report.tables import PEAKS
 from recoil_identification.shot.firing_record import Curves
 
 Array = NDArray[np.float64]
+Row = dict[str, Any]
+"""A number, or a word, in each of the reports: ``label``, ``differs``, ``values``, and as people read it ``texts``."""
 
 SCHEMA = "recoil-daq/beside/1"
 PEAK_LABELS = {name: (f"{label} / {unit}", scale) for name, label, scale, _, unit in PEAKS}
@@ -56,32 +60,6 @@ class Laid(ReadOnlyArrays):
     page: str | None = None
 
 
-@dataclass(frozen=True)
-class Row:
-    """A number, or a word, as it is in each of the reports.
-
-    Attributes
-    ----------
-    values
-        JSON types.
-    texts
-        Values as people read them.
-    """
-
-    label: str
-    values: tuple[Any, ...]
-    texts: tuple[str, ...]
-
-    @property
-    def differs(self) -> bool:
-        """True if it is not the same in all, but for what rounding makes of a number on another computer."""
-        return not all(_same(value, self.values[0]) for value in self.values[1:])
-
-    def to_json(self) -> dict[str, Any]:
-        """Return it in JSON types."""
-        return {"label": self.label, "differs": self.differs, "values": list(self.values), "texts": list(self.texts)}
-
-
 def beside_document(laid: Sequence[Laid], *, version: str) -> dict[str, Any]:
     """Build the document of reports beside one another, the first one's folder its home.
 
@@ -98,14 +76,41 @@ def beside_document(laid: Sequence[Laid], *, version: str) -> dict[str, Any]:
         "reports": [{"name": one.name, "shot": one.document["shot"], "page": one.page} for one in laid],
         "of": of,
         "findings": findings_of([Note(NoteCode.COMPARISON, str(first["shot"]), of)]),
-        "parameters": [one.to_json() for one in parameters(laid)],
-        "results": [one.to_json() for one in results(laid)],
+        "parameters": parameters(laid),
+        "results": results(laid),
         "provenance": {
             "version": version,
             "inputs": [{"file": f"{one.name}/report.json", "sha256": one.sha256} for one in laid],
             "parameters": {},
         },
     }
+
+
+def head(document: Mapping[str, Any]) -> ResultHead:
+    """Return the head of the page."""
+    return ResultHead(
+        f"{len(document['reports'])} reports beside one another", f"shot {document['shot']} on rig {document['rig']}",
+        (document["of"],), embedded={"shot": f"{document['shot']}-beside"},
+    )  # fmt: skip
+
+
+def differing(document: Mapping[str, Any]) -> list[Section]:
+    """Return what differs in the results and in the parameters, with what is equal folded: a column a report."""
+    reports = (Column(str(n), one["name"], "file", page=one["page"]) for n, one in enumerate(document["reports"]))
+    columns = (Column("label", "", "name"), *reports)
+
+    def section(key: str, word: str) -> Section:
+        rows = [
+            {"label": row["label"], "folded": not row["differs"], **{str(n): one for n, one in enumerate(row["texts"])}}
+            for row in document[key]
+        ]
+        said = [] if any(row["differs"] for row in document[key]) else ["Nothing differs."]
+        return Section(
+            key, f"What differs in the {word}", "", columns, lambda _: rows, sentences=lambda _: said, folded="equal",
+            link=word.capitalize(),
+        )  # fmt: skip
+
+    return [section("results", "result"), section("parameters", "parameters")]
 
 
 def of_what(documents: Sequence[Mapping[str, Any]]) -> str:
@@ -159,7 +164,7 @@ def results(laid: Sequence[Laid]) -> list[Row]:
         _row(laid, "verdict", lambda d: "valid" if d["valid"] else "not valid"),
         _row(laid, "reasons", lambda d: "; ".join(d["reasons"]) or "none"),
         _numbers("mass / kg", values, [rounded(a, b)[0] for a, b in zip(values, u, strict=True)]),
-        Row("mass, from that of the first / kg", tuple(differences), ("", *by[1:])),
+        _numbers("mass, from that of the first / kg", differences, ["", *by[1:]]),
         _numbers("u / kg", u, [significant(one, 2) for one in u]),
         _intervals(laid, "95 % interval / kg", lambda d: d["mass"].get("U95")),
         _row(laid, "specification / kg", lambda d: d["mass"].get("specification"), plain),
@@ -236,17 +241,18 @@ def _row(
 def _numbers(label: str, values: Sequence[Any], texts: Sequence[str], scale: float = 1.0) -> Row:
     """Return a row; where its values differ by less than is printed of them, so many digits are that this shows.
 
-    `scale` turns a value into the label's unit.
+    It differs where it is not the same in all, but for what rounding makes of a number on another computer. `scale`
+    turns a value into the label's unit.
     """
-    row = Row(label, tuple(values), tuple(texts))
-    if not row.differs or len(set(texts)) > 1:
-        return row
-    for digits in range(3, 16):
-        again = [f"{scale * one:.{digits}g}" if isinstance(one, float) else str(one) for one in values]
-        if all(a != b or _same(one, other) for a, one in zip(again, values, strict=True)
-               for b, other in zip(again, values, strict=True)):  # fmt: skip
-            break
-    return Row(label, row.values, tuple(text.replace("-", MINUS) for text in again))
+    differs = not all(_same(value, values[0]) for value in values[1:])
+    if differs and len(set(texts)) == 1:
+        for digits in range(3, 16):
+            again = [f"{scale * one:.{digits}g}" if isinstance(one, float) else str(one) for one in values]
+            if all(a != b or _same(one, other) for a, one in zip(again, values, strict=True)
+                   for b, other in zip(again, values, strict=True)):  # fmt: skip
+                break
+        texts = [text.replace("-", MINUS) for text in again]
+    return {"label": label, "differs": differs, "values": list(values), "texts": list(texts)}
 
 
 def _same(one: Any, other: Any) -> bool:

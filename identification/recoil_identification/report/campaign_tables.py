@@ -12,13 +12,22 @@ from recoil_acquisition.remark import Severity
 from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
-from recoil_identification.report.section import Column
+from recoil_identification.report.result_table import (
+    ADDED,
+    CONFIGURATION,
+    MASS,
+    PEAKS,
+    VERDICT,
+    Document,
+    ResultColumn,
+    ResultTable,
+    Row,
+    U,
+    flat,
+)
 from recoil_identification.report.sentences import by_groups, effective, specified
 from recoil_rigs.shots.assumptions import assumption_lines
 from recoil_rigs.tables.specification import mass_decimals
-
-Document = Mapping[str, Any]
-Row = dict[str, Any]
 
 LEAST_SAID = 0.005
 """Probability of a size below which it is not said."""
@@ -26,35 +35,6 @@ IN_U = "u"
 """Unit of what is counted in standard uncertainties as they were known before."""
 BAR_REACH = 4.0
 """Standard uncertainties, as they were known before, from the middle of a bar to its ends."""
-PEAKS = (
-    ("breech_pressure_pa", "Breech", "MPa", 1e-6, 1),
-    ("recoil_velocity_m_s", "Velocity", "m/s", 1.0, 2),
-    ("recoil_travel_m", "Travel", "mm", 1e3, 1),
-    ("impulse_n_s", "Impulse", "N s", 1.0, 0),
-)
-"""Key of a shot's peaks, heading, unit, factor and decimals."""
-LOG_COLUMNS = (
-    ("charge", "Charge", ""),
-    ("charge_temperature_c", "Charge", "°C"),
-    ("elevation_deg", "Elevation", "°"),
-)
-"""Column of the shot log, heading and unit."""
-SHOT_COLUMNS = (
-    Column("shot", "Shot", "link"),
-    Column("time", "Time"),
-    Column("configuration", "Configuration"),
-    Column("added", "Added", "number", "kg"),
-    *(Column(name, head, "number" if unit else "text", unit) for name, head, unit in LOG_COLUMNS),
-    *(Column(name, head, "number", unit) for name, head, unit, _, _ in PEAKS),
-    Column("mass", "Mass", "number", "kg"),
-    Column("u", "u", "number", "kg"),
-    Column("own", "Bare", "number", "kg"),
-    Column("u_own", "Own u", "number", "kg"),
-    Column("w", "w", "number"),
-    Column("valid", "Own verdict"),
-    Column("remarks", "Remarks", "long"),
-)
-"""Columns of the table of shots."""
 BUDGET = (
     "Standard uncertainty of the campaign's mass from each source, the largest first; their root sum of squares is u. "
     "What the shots share counts once, for as much as they leave open of it. A source's row is what the mass moves by "
@@ -261,48 +241,60 @@ def _place(in_u: float) -> float:
     return 50.0 + 50.0 * max(-BAR_REACH, min(BAR_REACH, in_u)) / BAR_REACH
 
 
-def shots(document: Document) -> list[Row]:
-    """One row for each shot, in the order of firing; ``page`` is the way to its report."""
-    return [_shot(one) for one in document["shots"]]
+def _shots(document: Document) -> list[Row]:
+    """Return the shots in the order of firing, each with its peaks, its mass, and that without what was added."""
+    return [
+        {**one["peaks"], **one, **flat(one["mass"]),
+         "own_kg": None if one["own_mass_kg"] is None else one["own_mass_kg"] - one["added_mass_kg"]}
+        for one in document["shots"]
+    ]  # fmt: skip
 
 
-def _shot(one: Mapping[str, Any]) -> Row:
-    added, cells = one["added_mass_kg"], one["shot_log"]
-    mass, u = rounded(one["mass"]["value"], one["mass"]["u"])
-    own, u_own = rounded(None if one["own_mass_kg"] is None else one["own_mass_kg"] - added, one["own_u_kg"])
+def _remarks(one: Mapping[str, Any]) -> str:
     remarks = [f"set aside: {one['excluded']}"] if one["excluded"] else []
-    remarks += [str(cells["notes"])] if cells.get("notes") else []
+    remarks += [str(one["shot_log"]["notes"])] if one["shot_log"].get("notes") else []
     remarks += [f"{one['use']}: {'; '.join(one['reasons'])}"] if one["use"] else []
-    return {
-        "page": one.get("report"),
-        "aside": one["excluded"] is not None,
-        "shot": one["shot"],
-        "time": _time(one["started"]),
-        "configuration": one["configuration"],
-        "added": f"{added:g}" if added else "",
-        **{name: _cell(cells.get(name)) for name, _, _ in LOG_COLUMNS},
-        **{name: _peak(one["peaks"].get(name), scale, decimals) for name, _, _, scale, decimals in PEAKS},
-        "mass": mass,
-        "u": u,
-        "own": own,
-        "u_own": u_own,
-        "w": fixed(one["normalised_residual"], 1),
-        "valid": "valid" if one["valid"] else "not valid",
-        "remarks": "; ".join(remarks),
-    }
+    return "; ".join(remarks)
 
 
-def _time(started: str | None) -> str:
+def _time(one: Mapping[str, Any]) -> str:
     """Date and time to the second."""
-    return NO_NUMBER if not started else started[:19].replace("T", " ")
+    return NO_NUMBER if not one["started"] else str(one["started"])[:19].replace("T", " ")
+
+
+def _logged(name: str, head: str, unit: str) -> ResultColumn:
+    """Return the column of a cell of the shot log."""
+    return ResultColumn(
+        name, head, "number" if unit else "text", unit, text=lambda row: _cell(row["shot_log"].get(name))
+    )  # fmt: skip
+
+
+SHOTS = ResultTable(
+    _shots,
+    (
+        ResultColumn("shot", "Shot", "link"),
+        ResultColumn("time", "Time", text=_time),
+        CONFIGURATION,
+        ADDED,
+        _logged("charge", "Charge", ""),
+        _logged("charge_temperature_c", "Charge", "°C"),
+        _logged("elevation_deg", "Elevation", "°"),
+        *PEAKS,
+        MASS,
+        U,
+        ResultColumn("own", "Bare", "number", "kg", text=lambda row: rounded(row["own_kg"], row["own_u_kg"])[0]),
+        ResultColumn("u_own", "Own u", "number", "kg", text=lambda row: rounded(row["own_kg"], row["own_u_kg"])[1]),
+        ResultColumn("w", "w", "number", text=lambda row: fixed(row["normalised_residual"], 1)),
+        ResultColumn("valid", "Own verdict", text=VERDICT.worded),
+        ResultColumn("remarks", "Remarks", "long", text=_remarks),
+    ),
+    marks=lambda row: {"page": row.get("report"), "aside": row["excluded"] is not None},
+)
+"""Shots of a campaign, one below the other in the order of firing."""
 
 
 def _cell(value: Any) -> str:
     return "" if value is None else f"{value:g}" if isinstance(value, int | float) else str(value)
-
-
-def _peak(value: float | None, scale: float, decimals: int) -> str:
-    return fixed(None if value is None else scale * value, decimals)
 
 
 def assumed(document: Document) -> list[str]:

@@ -13,7 +13,7 @@ from recoil_acquisition.acquisition import AT_TRIGGER
 from recoil_acquisition.recorded_file import RecordedFile
 from recoil_acquisition.remark import findings_of
 from recoil_acquisition.shot import InputFile, Shot
-from recoil_acquisition.store.shot_log import ShotLogRow
+from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_identification.calibration.hidden_errors import hidden_errors
 from recoil_identification.calibration.mass_over_time import SEED as SEED_OF_CONSTANCY
 from recoil_identification.calibration.mass_over_time import MassOverTime

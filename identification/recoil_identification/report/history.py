@@ -9,21 +9,27 @@ certificate and day of calibration, too. What is random from shot to shot is eac
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recoil_identification.campaign.season import season
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.rounding import NO_NUMBER, fixed, rounded, signed, significant
-from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace
-from recoil_identification.report.section import Column
-
-Document = Mapping[str, Any]
-Row = dict[str, Any]
-Array = NDArray[np.float64]
+from recoil_identification.report.figure import Figure
+from recoil_identification.report.result_table import (
+    E_N,
+    INTERVAL,
+    MASS,
+    Document,
+    ResultColumn,
+    ResultTable,
+    Row,
+    U,
+    flat,
+    mass_panel,
+)
 
 THIS = "this campaign"
 """Name of the new one among the others."""
@@ -31,20 +37,6 @@ OWN_SCOPE = "shot"
 """Scope of what is random from shot to shot."""
 EQUAL = 1e-9
 """Share by which the u of a source may differ and still be the same."""
-COLUMNS = (
-    Column("campaign", "Campaign", "link"),
-    Column("when", "Fired"),
-    Column("shots", "Shots", "number"),
-    Column("mass", "Mass", "number", "kg"),
-    Column("u", "u", "number", "kg"),
-    Column("interval", "95 % interval", "number", "kg"),
-    Column("difference", "Difference", "number", "kg"),
-    Column("u_difference", "u of it", "number", "kg"),
-    Column("shared", "Shared", "number", "%"),
-    Column("e_n", "E_n", "number"),
-    Column("remark", "Remark", "long"),
-)
-"""Columns of the page's table."""
 
 
 def row_of(document: Document, name: str) -> Row:
@@ -190,38 +182,23 @@ def _detail(document: Document) -> str:
     )
 
 
-def history_rows(document: Document) -> list[Row]:
-    """Word the earlier campaigns of a campaign's answer and itself; nothing where none was asked for."""
+def _rows(document: Document) -> list[Row]:
+    """Return the earlier campaigns of a campaign's answer and itself; nothing where none was asked for."""
     history = document.get("history")
     if history is None:
         return []
-    rows, lines = [], iter(history["covariance_kg2"])
-    own_kg = history["campaigns"][-1]["mass"]["u"]
-    for one in history["campaigns"]:
-        shared = next(lines)[-1] if one["remark"] is None else None
-        this = one is history["campaigns"][-1]
-        mass, u = rounded(one["mass"]["value"], one["mass"]["u"])
-        low, high = one["mass"]["U95"]
-        difference, u_difference = rounded(one["difference_kg"], one["u_difference_kg"])
-        rows.append(
-            {
-                "campaign": one["campaign"],
-                "page": one["page"],
-                "when": _when(one),
-                "shots": str(one["shots"]),
-                "mass": mass,
-                "u": u,
-                "interval": " … ".join(rounded(limit, (high - low) / 2)[0] for limit in (low, high)),
-                "difference": "" if one["E_n"] is None else signed(difference),
-                "u_difference": "" if one["E_n"] is None else u_difference,
-                "shared": "" if shared is None or this else fixed(100.0 * shared / (own_kg * one["mass"]["u"]), 0),
-                "e_n": "" if one["E_n"] is None else signed(fixed(one["E_n"], 2)),
-                "remark": one["remark"] or "",
-                "strong": this,
-                "aside": one["remark"] is not None,
-            }
-        )
+    lines, this = iter(history["covariance_kg2"]), history["campaigns"][-1]
+    rows = [{**one, **flat(one["mass"]), "shared": None, "this": one is this} for one in history["campaigns"]]
+    for row in rows:
+        if row["remark"] is None:
+            covariance_kg2 = next(lines)[-1]
+            row["shared"] = None if row["this"] else covariance_kg2 / (this["mass"]["u"] * row["u_kg"])
     return rows
+
+
+def _compared(key: str, head: str, unit: str, text: Callable[[Mapping[str, Any]], str]) -> ResultColumn:
+    """Return a column that says nothing of a campaign which is not compared with this one."""
+    return ResultColumn(key, head, "number", unit, text=lambda row: "" if row["E_n"] is None else text(row))
 
 
 def _names(rows: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
@@ -245,34 +222,51 @@ def caption(document: Document) -> str:
     )  # fmt: skip
 
 
+HISTORY = ResultTable(
+    _rows,
+    (
+        ResultColumn("campaign", "Campaign", "link"),
+        ResultColumn("when", "Fired", text=_when),
+        ResultColumn("shots", "Shots", "number"),
+        MASS,
+        U,
+        INTERVAL,
+        _compared("difference", "Difference", "kg",
+                  lambda row: signed(rounded(row["difference_kg"], row["u_difference_kg"])[0])),
+        _compared("u_difference", "u of it", "kg",
+                  lambda row: rounded(row["difference_kg"], row["u_difference_kg"])[1]),
+        ResultColumn("shared", "Shared", "number", "%", printed=None,
+                     text=lambda row: "" if row["shared"] is None else fixed(100.0 * row["shared"], 0)),
+        _compared("e_n", "E_n", "", E_N.worded),
+        ResultColumn("remark", "Remark", "long", printed="not compared"),
+    ),
+    marks=lambda row: {"page": row["page"], "strong": row["this"], "aside": row["remark"] is not None},
+)  # fmt: skip
+"""Campaigns of a season, one below the other in the order of firing, the new one last."""
+
+
 def history_figure(document: Document) -> Figure | None:
     """Draw the mass of each campaign with its 95 % interval, in the order of firing; None where there is no history."""
-    history = document.get("history")
-    if history is None:
+    rows = _rows(document)
+    if not rows:
         return None
-    rows = history["campaigns"]
-    compared = np.array([row["remark"] is None for row in rows])
-    places = np.arange(len(rows), dtype=np.float64)
-    value, low, high = (
-        np.array([[row["mass"]["value"], *row["mass"]["U95"]] for row in rows], dtype=np.float64).reshape(-1, 3).T
-    )
-    traces = []
-    if history["mean"] is not None:
-        mean, half = history["mean"]["value"], COVERAGE_FACTOR * history["mean"]["u"]
-        ends = [-0.5, len(rows) - 0.5]
-        traces.append(
-            Trace(
-                "mean of the season, 95 %", ends, [mean] * 2, "band", "kg", [mean - half] * 2, [mean + half] * 2, hue=2
-            )
-        )
-    for label, at, hue in (("mass, 95 % interval", compared, 0), ("not compared", ~compared, 7)):
-        if at.any():
-            traces.append(Trace(label, places[at], value[at], "whiskers", "kg", low[at], high[at], hue=hue))
-    specification = document["mass"].get("specification")
-    lines = () if specification is None else (HorizontalLine("specification", specification),)
+    mean = document["history"]["mean"]
+    half = 0.0 if mean is None else COVERAGE_FACTOR * mean["u"]
+    panel = mass_panel(
+        range(len(rows)),
+        rows,
+        [
+            (label, [(row["remark"] is None) is compared for row in rows], hue)
+            for label, compared, hue in (("mass, 95 % interval", True, 0), ("not compared", False, 7))
+        ],
+        band=None if mean is None else (
+            "mean of the season, 95 %", (-0.5, len(rows) - 0.5),
+            (mean["value"], mean["value"] - half, mean["value"] + half),
+        ),
+        specification_kg=document["mass"].get("specification"),
+    )  # fmt: skip
     return Figure(
         "season", "The season: mass by campaign",
         "Each campaign's mass by itself, without what was added; this one last.",
-        "campaign", (Panel("mass, kg", tuple(traces), lines),),
-        names=_names(rows), shown=(-0.6, len(rows) - 0.4),
+        "campaign", (panel,), names=_names(rows), shown=(-0.6, len(rows) - 0.4),
     )  # fmt: skip

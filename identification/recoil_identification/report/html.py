@@ -1,16 +1,16 @@
 """The pages of a shot and of a campaign: they explain themselves, print, and need no network.
 
 `render_page` turns a report (the mapping of ``report.json``) and its figures into one HTML text,
-`render_target_page` the document of another target, `render_campaign_page` a campaign's answer,
-`render_beside_page` reports beside one another, `render_index_page` an index of shots, and `render_sweep_page` a sweep
-of one option. The numbers come from the documents.
+`render_target_page` the document of another target, `render_campaign_page` a campaign's answer, and
+`render_results_page` results in a row. The numbers come from the documents.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from urllib.parse import quote
 
 from recoil_acquisition.errors import visible
 from recoil_identification.estimate.rounding import NO_NUMBER, grouped
+from recoil_identification.report import beside, shot_index, sweep
 from recoil_identification.report.drawing import drawings
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
@@ -25,9 +26,9 @@ from recoil_identification.report.head import head_of
 from recoil_identification.report.packing import packed, packed_file
 from recoil_identification.report.page_files import SCRIPT_NAME, plotly_script
 from recoil_identification.report.report_files import OWN_DIGEST, SCHEMA, SEAL, to_json
-from recoil_identification.report.section import Section, parts_of
-from recoil_identification.report.sections import BESIDE_SECTIONS, INDEX_SECTIONS, SWEEP_SECTIONS, sections_of
-from recoil_identification.report.shot_index import INDEX_TABLE, summary
+from recoil_identification.report.result_table import ResultHead
+from recoil_identification.report.section import parts_of
+from recoil_identification.report.sections import sections_of
 from recoil_identification.report.svg import still_svg
 
 if TYPE_CHECKING:
@@ -79,15 +80,9 @@ def render_page(report: Mapping[str, Any], figures: Sequence[Figure], *, standal
     if report["schema"] != SCHEMA:
         raise ValueError(f"the report's schema is {report['schema']!r}; expected {SCHEMA!r}")
     return _render(
-        "document.html",
-        report,
-        figures,
-        sections_of(report),
-        standalone=standalone,
-        head=head_of(report),
-        series_file=(report.get("trace") or {}).get("file"),
-        series_name="mass over time",
-    )
+        "document.html", report, figures, standalone=standalone, head=head_of(report),
+        series_file=(report.get("trace") or {}).get("file"), series_name="mass over time",
+    )  # fmt: skip
 
 
 def render_target_page(document: Mapping[str, Any], figures: Sequence[Figure], *, standalone: bool = False) -> str:
@@ -115,15 +110,9 @@ def render_target_page(document: Mapping[str, Any], figures: Sequence[Figure], *
         As of `render_page`.
     """
     return _render(
-        "document.html",
-        document,
-        figures,
-        sections_of(document),
-        standalone=standalone,
-        head=head_of(document),
-        series_file=(document.get("series") or {}).get("file"),
-        series_name="what was identified over time",
-    )
+        "document.html", document, figures, standalone=standalone, head=head_of(document),
+        series_file=(document.get("series") or {}).get("file"), series_name="what was identified over time",
+    )  # fmt: skip
 
 
 def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure], *, standalone: bool = False) -> str:
@@ -153,35 +142,30 @@ def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure],
         As of `render_page`.
     """
     return _render(
-        "document.html",
-        document,
-        figures,
-        sections_of(document),
-        embedded={"shot": f"campaign-{document['rig']}"},
-        standalone=standalone,
-        script=SCRIPT_NAME,
-        head=head_of(document),
-        series_file="campaign.csv",
-        series_name="the shots",
-    )
+        "document.html", document, figures, embedded={"shot": f"campaign-{document['rig']}"}, standalone=standalone,
+        script=SCRIPT_NAME, head=head_of(document), series_file="campaign.csv", series_name="the shots",
+    )  # fmt: skip
 
 
-def render_beside_page(document: Mapping[str, Any], figures: Sequence[Figure], *, standalone: bool = False) -> str:
-    """Render the page of reports beside one another.
+def render_results_page(
+    document: Mapping[str, Any], figures: Sequence[Figure] = (), *, standalone: bool = False
+) -> str:
+    """Render the page of results in a row: an index of shots, a sweep of one option, or reports beside one another.
 
     Parameters
     ----------
     document
-        Document of `recoil_identification.report.beside.beside_document`.
+        Document of `recoil_identification.report.shot_index.index_document`,
+        `recoil_identification.report.sweep.sweep_document` or `recoil_identification.report.beside.beside_document`.
     figures
-        Figures of `recoil_identification.report.beside.beside_figures`.
+        Figures in reading order.
     standalone
         Whether the page holds all that it shows, see `render_page`.
 
     Returns
     -------
     str
-        HTML, as `render_page` returns it, and it refers to the reports' pages.
+        HTML, as `render_page` returns it, and it refers to the reports' pages. Without figures it needs no script.
 
     Raises
     ------
@@ -190,76 +174,16 @@ def render_beside_page(document: Mapping[str, Any], figures: Sequence[Figure], *
     StoreError
         As of `render_page`.
     """
-    return _render(
-        "beside.html",
-        document,
-        figures,
-        BESIDE_SECTIONS,
-        embedded={"shot": f"{document['shot']}-beside"},
-        standalone=standalone,
-        series_file=None,
-        series_name=None,
-    )
+    head = asdict(_HEADS[document["schema"]](document))
+    return _render("overview.html", document, figures, standalone=standalone, **head)
 
 
-def render_index_page(document: Mapping[str, Any]) -> str:
-    """Render the page of an index of shots, which refers to the shots' pages and to its table, and needs no script.
-
-    Parameters
-    ----------
-    document
-        Document of `recoil_identification.report.shot_index.index_document`.
-    """
-    return _render(
-        "overview.html",
-        document,
-        (),
-        INDEX_SECTIONS,
-        embedded={},
-        standalone=False,
-        title="Index of shots",
-        of=", ".join(document["rigs"]),
-        words=(summary(document),),
-        doubtful=False,
-        faults=[one["error"] for one in document["failed"]],
-        series_file=INDEX_TABLE,
-        series_name="the shots",
-    )
-
-
-def render_sweep_page(
-    document: Mapping[str, Any], figures: Sequence[Figure], table: str, *, standalone: bool = False
-) -> str:
-    """Render the page of a sweep of one option.
-
-    Parameters
-    ----------
-    document
-        Document of `recoil_identification.report.sweep.sweep_document`.
-    figures
-        Figures of `recoil_identification.report.sweep.sweep_figures`.
-    table
-        Name of the table beside the page.
-    standalone
-        Whether the page holds all that it shows, see `render_page`.
-    """
-    return _render(
-        "overview.html",
-        document,
-        figures,
-        SWEEP_SECTIONS,
-        embedded={"shot": f"{document['shot']}-sweep"},
-        standalone=standalone,
-        title=f"Shot {document['shot']}: sweep of the {document['option']}",
-        of=f"rig {document['rig']}",
-        words=(document["detail"],),
-        # green says that the mass stands whatever the option is
-        doubtful=document["moves"] is not False
-        or not all(row["valid"] for row in (document["own"], *document["rows"])),
-        faults=(),
-        series_file=table,
-        series_name="the values",
-    )
+_HEADS: dict[str, Callable[[Mapping[str, Any]], ResultHead]] = {
+    shot_index.SCHEMA: shot_index.head,
+    sweep.SCHEMA: sweep.head,
+    beside.SCHEMA: beside.head,
+}
+"""Schema of a document of results -> function that returns the head of its page."""
 
 
 @cache
@@ -298,7 +222,6 @@ def _render(
     template: str,
     report: Mapping[str, Any],
     figures: Sequence[Figure],
-    sections: Sequence[Section],
     *,
     standalone: bool,
     script: str = f"../{SCRIPT_NAME}",
@@ -317,7 +240,7 @@ def _render(
         .get_template(template)
         .render(
             report=report,
-            parts=parts_of(sections, report, figures),
+            parts=parts_of(sections_of(report), report, figures),
             figures=[
                 {
                     "number": number,

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.regular_file import read_small
-from recoil_acquisition.files.strict_json import read_json
+from recoil_acquisition.files.strict_json import read_json, told_in_one_line
 from recoil_acquisition.linear_algebra import threads
 from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.shot.firing_record import CURVES, Curves
@@ -233,22 +233,19 @@ def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
         stands in reports.
     """
     content = read_small(path, LARGEST_REPORT, "a report") if content is None else content
-    try:
+    with told_in_one_line("this is no report of a shot", path, expected=f"schema {SCHEMA}"):
         document = read_json(content)
         if document["schema"] != SCHEMA:
             raise ValueError(f"schema {document['schema']!r}")
-        _refuse_deep(document)
+        refuse_deep(document)
         lacking = [key for key in ("shot", "rig", "mass", "rpe_percent", "valid", "provenance") if key not in document]
         if lacking:
             raise ValueError(f"no {', '.join(lacking)}")
-    except (ValueError, LookupError, TypeError, RecursionError) as error:
-        raise ReadError(
-            "this is no report of a shot", path=path, expected=f"schema {SCHEMA}", found=str(error)
-        ) from error
     return dict(document)
 
 
-def _refuse_deep(document: Any) -> None:
+def refuse_deep(document: Any) -> None:
+    """Raise `ValueError` if a document is nested more deeply than any that this project wrote."""
     level = [document]
     for _ in range(DEEPEST):
         level = [

@@ -22,9 +22,10 @@ from recoil_identification.report.figure import Figure
 
 Document = Mapping[str, Any]
 Row = Mapping[str, Any]
-Kind = Literal["name", "term", "text", "long", "number", "chip", "code", "link", "bar", "span"]
+Kind = Literal["name", "term", "text", "long", "number", "chip", "code", "file", "link", "bar", "span"]
 """What stands in a column: a row's name, a term of the glossary, a text, a text that takes what room is left, a number,
-a word of a verdict, a digest, a name that leads to another page, or what only a screen shows: a share as a bar, and
+a word of a verdict, a digest, what the file says that the column is named after, a name that leads to another page, or
+what only a screen shows: a share as a bar, and
 what was known and is known as two."""
 
 SCREEN_ONLY = ("bar", "span")
@@ -49,6 +50,8 @@ class Column:
         Unit of its numbers; empty where they have none, or each its own.
     wide
         Whether it takes what room is left on paper.
+    page
+        Page that its heading leads to; None where it leads to none.
     """
 
     key: str
@@ -56,6 +59,7 @@ class Column:
     kind: Kind = "text"
     unit: str = ""
     wide: bool = False
+    page: str | None = None
 
     @property
     def heading(self) -> str:

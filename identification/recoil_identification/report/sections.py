@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from recoil_identification.report import campaign_tables, history, sentences, shot_index, sweep, tables
+from recoil_identification.report import beside, campaign_tables, history, sentences, shot_index, sweep, tables
 from recoil_identification.report.section import ALL_OTHERS, Column, Section
 
 Document = Mapping[str, Any]
@@ -237,8 +237,8 @@ CAMPAIGN_SECTIONS: tuple[Section, ...] = (
         "history",
         "Earlier campaigns",
         history.caption,
-        history.COLUMNS,
-        history.history_rows,
+        history.HISTORY.columns,
+        history.HISTORY.worded,
         sparse=True,
     ),
     Section("residuals", figure="residuals"),
@@ -323,8 +323,8 @@ CAMPAIGN_SECTIONS: tuple[Section, ...] = (
         "Shots",
         "In the order of firing; a click on a heading sorts. Mass and u are the shot's by itself, with what was added; "
         "bare and own u are without it, with the sensors' errors as the campaign found them.",
-        campaign_tables.SHOT_COLUMNS,
-        campaign_tables.shots,
+        campaign_tables.SHOTS.columns,
+        campaign_tables.SHOTS.worded,
         style="shots",
         sparse=True,
     ),
@@ -335,18 +335,14 @@ CAMPAIGN_SECTIONS: tuple[Section, ...] = (
 )
 """Sections of a campaign's answer."""
 
-
-BESIDE_SECTIONS: tuple[Section, ...] = (Section("figures", figure=ALL_OTHERS), INPUTS)
-"""Sections of reports beside one another, behind what differs in them."""
-
 INDEX_SECTIONS: tuple[Section, ...] = (
     Section(
         "shots",
         "Shots",
         "In the order of firing; a click on a heading sorts. A shot's name leads to its report. u is the standard "
         "uncertainty of the mass with what was added, U half the width of its 95 % interval.",
-        shot_index.COLUMNS,
-        shot_index.index_rows,
+        shot_index.INDEX.columns,
+        shot_index.INDEX.worded,
         style="shots listing",
         sparse=True,
     ),
@@ -359,8 +355,8 @@ SWEEP_SECTIONS: tuple[Section, ...] = (
         "values",
         "The mass at each value",
         "In bold what the shot's own options give; the difference is from that.",
-        sweep.COLUMNS,
-        sweep.sweep_rows,
+        sweep.SWEEP.columns,
+        sweep.SWEEP.worded,
         link="Values",
         sparse=True,
     ),
@@ -369,8 +365,16 @@ SWEEP_SECTIONS: tuple[Section, ...] = (
 """Sections of a sweep of one option."""
 
 
+_OF_RESULTS = {shot_index.SCHEMA: INDEX_SECTIONS, sweep.SCHEMA: SWEEP_SECTIONS}
+"""Sections of documents of results in a row."""
+
+
 def sections_of(document: Document) -> tuple[Section, ...]:
-    """Return the sections of a document, by what it is: a target's tables are its own."""
+    """Return the sections of a document, by what it is: a target's tables are its own, and so are reports' columns."""
+    if (listed := _OF_RESULTS.get(document.get("schema", ""))) is not None:
+        return listed
+    if document.get("schema") == beside.SCHEMA:
+        return (*beside.differing(document), Section("figures", figure=ALL_OTHERS), INPUTS)
     if "target" in document:
         return (
             _QUANTITIES,

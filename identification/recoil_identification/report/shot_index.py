@@ -3,19 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from recoil_acquisition.usability import Usability
 from recoil_identification.campaign.campaign_shot import numbered
-from recoil_identification.estimate.rounding import NO_NUMBER, fixed, rounded, signed, significant
-from recoil_identification.report.campaign_tables import PEAKS
-from recoil_identification.report.section import Column
-from recoil_identification.report.spreadsheet import csv_text
+from recoil_identification.estimate.rounding import rounded
+from recoil_identification.report.result_table import (
+    ADDED,
+    CONFIGURATION,
+    E_N,
+    MASS,
+    MASS_KEYS,
+    PEAKS,
+    REASON,
+    RPE,
+    VERDICT,
+    VERDICTS,
+    Document,
+    ResultColumn,
+    ResultHead,
+    ResultTable,
+    Row,
+    U,
+    flat,
+    half_width,
+)
 from recoil_identification.report.tables import PEAKS as ALL_PEAKS
 from recoil_rigs.tables.calibration_day import calibrations_in_words
-
-Document = Mapping[str, Any]
-Row = dict[str, Any]
 
 SCHEMA = "recoil-daq/index/1"
 INDEX_TABLE = "index.csv"
@@ -23,35 +38,10 @@ PEAK_KEYS = tuple(name for name, *_ in ALL_PEAKS)
 """Peaks of a row, units in the names."""
 LOGGED = ("configuration", "added_mass_kg", "u_added_mass_kg", "charge", "exclude")
 """Columns of the shot log that a row has."""
-CELLS = (
-    "shot", "rig", "started", *LOGGED, "state", "warnings", "valid", "reason", "mass_kg", "u_kg", "U95_low_kg",
-    "U95_high_kg", "specification_kg", "E_n", "rpe_percent", *PEAK_KEYS, "report", "file",
-)  # fmt: skip
-"""Keys of a row, and columns of the table for spreadsheets, in their order."""
-VERDICTS = {True: "valid", False: "not valid", None: "no report"}
-"""Verdict on a shot's mass -> its word."""
-COLUMNS = (
-    Column("shot", "Shot", "link"),
-    Column("rig", "Rig"),
-    Column("time", "Fired at"),
-    Column("state", "Recording"),
-    Column("mass", "Mass", "number", "kg"),
-    Column("u", "u", "number", "kg"),
-    Column("expanded", "U", "number", "kg"),
-    Column("e_n", "E_n", "number"),
-    Column("rpe", "RPE", "number", "%"),
-    Column("verdict", "Verdict", "text"),
-    Column("configuration", "Configuration"),
-    Column("added", "Added", "number", "kg"),
-    Column("charge", "Charge"),
-    *(Column(name, head, "number", unit) for name, head, unit, _, _ in PEAKS),
-    Column("reason", "First reason", "long"),
-)
-"""Columns of the page's table."""
 
 
 def row_of_report(report: Document) -> Row:
-    """Return the row of a report, JSON types, with the keys of `CELLS`; of files beside it nothing is said.
+    """Return the row of a report, JSON types, with the keys of `INDEX`; of files beside it nothing is said.
 
     Raises
     ------
@@ -60,11 +50,10 @@ def row_of_report(report: Document) -> Row:
     """
     mass, reasons = report["mass"], [str(one) for one in report["reasons"]]
     reasons += filter(None, [calibrations_in_words(report)])
-    low, high = (_number(limit) for limit in mass["U95"])
     log, peaks = report.get("shot_log") or {}, report.get("peaks") or {}
     state, warnings = _recording(report)
     return {
-        **dict.fromkeys(CELLS),
+        **dict.fromkeys(INDEX.cells),
         "shot": str(report["shot"]),
         "rig": str(report["rig"]),
         "started": _text(report.get("started")),
@@ -73,10 +62,7 @@ def row_of_report(report: Document) -> Row:
         "warnings": warnings,
         "valid": bool(report["valid"]),
         "reason": next(iter(reasons), None),
-        "mass_kg": _number(mass["value"]),
-        "u_kg": _number(mass["u"]),
-        "U95_low_kg": low,
-        "U95_high_kg": high,
+        **{key: _number(value) for key, value in flat(mass).items()},
         "specification_kg": _number(mass["specification"]),
         "E_n": _number(report.get("E_n")),
         "rpe_percent": _number(report["rpe_percent"]["value"]),
@@ -88,7 +74,7 @@ def row_of_summary(summary: Document) -> Row:
     """Return the row of a shot file without a report, by its summary, as `row_of_report`."""
     reasons = [str(one) for one in summary["reasons"]]
     return {
-        **dict.fromkeys(CELLS),
+        **dict.fromkeys(INDEX.cells),
         "shot": str(summary["shot"]),
         "rig": str(summary["rig"]),
         "started": _text(summary["started"]),
@@ -128,17 +114,6 @@ def index_document(rows: Sequence[Row], *, version: str, failed: Sequence[Mappin
     }
 
 
-def index_table(document: Document) -> str:
-    """Return the index as CSV text, a row each."""
-    return csv_text(CELLS, ([row[name] for name in CELLS] for row in document["shots"]))
-
-
-def index_rows(document: Document) -> list[Row]:
-    """Word the rows for the page, rounded to their uncertainties."""
-    several = len({row["rig"] for row in document["shots"]}) > 1
-    return [_worded(row) | ({} if several else {"rig": ""}) for row in document["shots"]]
-
-
 def summary(document: Document) -> str:
     """Say in a sentence what is listed."""
     counts = document["counts"]
@@ -151,32 +126,12 @@ def summary(document: Document) -> str:
     return f"{len(document['shots'])} rows{of}: {', '.join(said)}{lost}."
 
 
-def _worded(row: Mapping[str, Any]) -> Row:
-    mass, u = rounded(row["mass_kg"], row["u_kg"])
-    low, high = row["U95_low_kg"], row["U95_high_kg"]
-    return {
-        "page": row["report"],
-        "aside": row["exclude"] is not None,
-        "shot": row["shot"],
-        "rig": row["rig"],
-        # a date is not parted at its hyphens
-        "time": (row["started"] or "")[:16].replace("T", " ").replace("-", "\N{NON-BREAKING HYPHEN}"),
-        "state": recording(row),
-        "mass": mass,
-        "u": u,
-        "expanded": NO_NUMBER if low is None or high is None else rounded(None, (high - low) / 2)[1],
-        "e_n": signed(fixed(row["E_n"], 2)),
-        "rpe": significant(row["rpe_percent"], 2),
-        "verdict": f"{VERDICTS[row['valid']]}{', deviates' if deviates(row) else ''}",
-        "configuration": row["configuration"] or "",
-        "added": "" if not row["added_mass_kg"] else f"{row['added_mass_kg']:g}",
-        "charge": row["charge"] or "",
-        **{
-            name: fixed(None if row[name] is None else scale * row[name], decimals)
-            for name, _, _, scale, decimals in PEAKS
-        },
-        "reason": first_reason(row),
-    }
+def head(document: Document) -> ResultHead:
+    """Return the head of the page."""
+    return ResultHead(
+        "Index of shots", ", ".join(document["rigs"]), (summary(document),),
+        faults=tuple(one["error"] for one in document["failed"]), series_file=INDEX_TABLE, series_name="the shots",
+    )  # fmt: skip
 
 
 def deviates(row: Mapping[str, Any]) -> bool:
@@ -217,3 +172,41 @@ def _number(value: Any) -> float | None:
 
 def _text(value: Any) -> str | None:
     return None if value in (None, "") else str(value)
+
+
+def _rows(document: Document) -> list[Row]:
+    """Return the rows; of one rig alone it is not said in each."""
+    several = len({row["rig"] for row in document["shots"]}) > 1
+    return [{**row, "of_rig": row["rig"] if several else ""} for row in document["shots"]]
+
+
+INDEX = ResultTable(
+    _rows,
+    (
+        ResultColumn("shot", "Shot", "link"),
+        ResultColumn("rig", "Rig", text=lambda row: str(row["of_rig"])),
+        # a date is not parted at its hyphens
+        ResultColumn(
+            "time", "Fired at",
+            text=lambda row: (row["started"] or "")[:16].replace("T", " ").replace("-", "\N{NON-BREAKING HYPHEN}"),
+        ),
+        ResultColumn("state", "Recording", text=recording),
+        MASS,
+        U,
+        ResultColumn("expanded", "U", "number", "kg", text=lambda row: rounded(None, half_width(row))[1]),
+        E_N,
+        RPE,
+        replace(VERDICT, text=lambda row: f"{VERDICTS[row['valid']]}{', deviates' if deviates(row) else ''}"),
+        CONFIGURATION,
+        ADDED,
+        ResultColumn("charge", "Charge"),
+        *PEAKS,
+        replace(REASON, text=first_reason),
+    ),
+    (
+        "shot", "rig", "started", *LOGGED, "state", "warnings", "valid", "reason", *MASS_KEYS, "specification_kg",
+        "E_n", "rpe_percent", *PEAK_KEYS, "report", "file",
+    ),
+    lambda row: {"page": row["report"], "aside": row["exclude"] is not None},
+)  # fmt: skip
+"""Shots, one below the other in the order of firing."""

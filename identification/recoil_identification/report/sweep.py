@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
-from recoil_identification.estimate.rounding import NO_NUMBER, fixed, in_kg, plain, rounded, signed, significant
-from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace
+from recoil_identification.estimate.rounding import in_kg, plain, signed, significant
+from recoil_identification.report.figure import Figure
 from recoil_identification.report.report_files import computer, sealed, to_json
-from recoil_identification.report.section import Column
-from recoil_identification.report.spreadsheet import csv_text
+from recoil_identification.report.result_table import (
+    E_N,
+    INTERVAL,
+    MASS,
+    MASS_KEYS,
+    REASON,
+    RPE,
+    VERDICT,
+    VERDICTS,
+    Document,
+    ResultColumn,
+    ResultHead,
+    ResultTable,
+    Row,
+    U,
+    mass_panel,
+)
 from recoil_identification.shot.identified import Identification
-
-Document = Mapping[str, Any]
-Row = dict[str, Any]
 
 SCHEMA = "recoil-daq/sweep/1"
 OPTIONS = {
@@ -25,27 +34,10 @@ OPTIONS = {
     "window_s": ("memory of the mass over time", "s"),
 }
 """Options of an identification that are numbers -> name and unit."""
-CELLS = (
-    "value", "mass_kg", "u_kg", "U95_low_kg", "U95_high_kg", "difference_kg", "E_n", "rpe_percent", "cutoff_hz",
-    "mass_cutoff_hz", "valid", "reason",
-)  # fmt: skip
-"""Keys of a row, and columns of its table for spreadsheets; the value is None in that of the shot's own options."""
-COLUMNS = (
-    Column("value", "Value", "name"),
-    Column("mass", "Mass", "number", "kg"),
-    Column("u", "u", "number", "kg"),
-    Column("interval", "95 % interval", "number", "kg"),
-    Column("difference", "Difference", "number", "kg"),
-    Column("e_n", "E_n", "number"),
-    Column("rpe", "RPE", "number", "%"),
-    Column("verdict", "Verdict", "text"),
-    Column("reason", "First reason", "long"),
-)
-"""Columns of the page's table."""
 
 
 def found_row(found: Identification) -> Row:
-    """Return what an identification found, with the keys of `CELLS` but for value and difference."""
+    """Return what an identification found, with the keys of `SWEEP` but for value and difference."""
     estimate, low_pass = found.chosen.estimate, found.route.filtered.low_pass
     low, high = estimate.interval_kg
     return {
@@ -125,8 +117,8 @@ def sweep_document(
 
 def _row(value: float | None, found: Row | str, own: Row) -> Row:
     if isinstance(found, str):
-        return {**dict.fromkeys(CELLS), "value": value, "valid": False, "reason": found}
-    return {**dict.fromkeys(CELLS), **found, "value": value, "difference_kg": found["mass_kg"] - own["mass_kg"]}
+        return {**dict.fromkeys(SWEEP.cells), "value": value, "valid": False, "reason": found}
+    return {**dict.fromkeys(SWEEP.cells), **found, "value": value, "difference_kg": found["mass_kg"] - own["mass_kg"]}
 
 
 def _detail(document: Document) -> str:
@@ -147,34 +139,27 @@ def _detail(document: Document) -> str:
     )
 
 
-def sweep_table(document: Document) -> str:
-    """Return the sweep as CSV text, the row of the shot's own options first."""
-    return csv_text(CELLS, ([row[name] for name in CELLS] for row in (document["own"], *document["rows"])))
+def stem(key: str) -> str:
+    """Return the name of the files of an option's sweep, without their endings."""
+    return f"sweep_{key}"
 
 
-def sweep_rows(document: Document) -> list[Row]:
-    """Word the rows for the page, the shot's own options first and in bold."""
-    return [{**_worded(document["own"], document), "strong": True}, *(_worded(r, document) for r in document["rows"])]
+def head(document: Document) -> ResultHead:
+    """Return the head of the page; green says that the mass stands whatever the option is."""
+    stands = document["moves"] is False and all(row["valid"] for row in (document["own"], *document["rows"]))
+    return ResultHead(
+        f"Shot {document['shot']}: sweep of the {document['option']}", f"rig {document['rig']}", (document["detail"],),
+        doubtful=not stands, series_file=f"{stem(document['key'])}.csv", series_name="the values",
+        embedded={"shot": f"{document['shot']}-sweep"},
+    )  # fmt: skip
 
 
-def _worded(row: Mapping[str, Any], document: Document) -> Row:
-    mass, u = rounded(row["mass_kg"], row["u_kg"])
-    low, high = row["U95_low_kg"], row["U95_high_kg"]
-    interval = NO_NUMBER
-    if low is not None and high is not None:
-        interval = " … ".join(rounded(limit, (high - low) / 2)[0] for limit in (low, high))
-    value, own = row["value"], row["value"] is None
-    return {
-        "value": _own(document) if own else f"{plain(value)} {document['unit']}",
-        "mass": mass,
-        "u": u,
-        "interval": interval,
-        "difference": "" if own else signed(significant(row["difference_kg"], 2)),
-        "e_n": signed(fixed(row["E_n"], 2)),
-        "rpe": significant(row["rpe_percent"], 2),
-        "verdict": "valid" if row["valid"] else "not valid",
-        "reason": row["reason"] or "",
-    }
+def _rows(document: Document) -> list[Row]:
+    """Return the rows, that of the shot's own options first, each with its value in words."""
+    own = [{**document["own"], "label": _own(document), "own": True}]
+    return own + [
+        {**row, "label": f"{plain(row['value'])} {document['unit']}", "own": False} for row in document["rows"]
+    ]
 
 
 def _own(document: Document) -> str:
@@ -183,29 +168,50 @@ def _own(document: Document) -> str:
     return "its own" if stated is None else f"its own, {significant(stated, 4)} {document['unit']}"
 
 
+SWEEP = ResultTable(
+    _rows,
+    (
+        ResultColumn("value", "Value", "name", text=lambda row: str(row["label"])),
+        MASS,
+        U,
+        INTERVAL,
+        ResultColumn(
+            "difference", "Difference", "number", "kg",
+            text=lambda row: "" if row["own"] else signed(significant(row["difference_kg"], 2)),
+        ),
+        E_N,
+        RPE,
+        VERDICT,
+        REASON,
+    ),
+    ("value", *MASS_KEYS, "difference_kg", "E_n", "rpe_percent", "cutoff_hz", "mass_cutoff_hz", "valid", "reason"),
+    lambda row: {"strong": row["own"]},
+)  # fmt: skip
+"""Values of an option, one below the other; the value is None in the row of the shot's own options."""
+
+
 def sweep_figures(document: Document) -> list[Figure]:
     """Draw the mass with its 95 % interval over the values, beside that of the shot's own options."""
     rows = [row for row in document["rows"] if row["mass_kg"] is not None]
     if not rows:
         return []
     own, name, unit = document["own"], document["option"], document["unit"]
-    x = np.array([row["value"] for row in rows])
-    edge = 0.03 * float(np.ptp(x)) or 0.1 * float(x[0])
-    ends = [float(x.min()) - edge, float(x.max()) + edge]
-    band = [[own[key]] * 2 for key in ("mass_kg", "U95_low_kg", "U95_high_kg")]
-    traces = [Trace("by its own options, 95 % interval", ends, band[0], "band", "kg", band[1], band[2], hue=2)]
-    for label, valid, hue in (("valid, 95 % interval", True, 0), ("not valid, 95 % interval", False, 5)):
-        at = [row["valid"] is valid for row in rows]
-        if any(at):
-            y, low, high = (
-                np.array([math.nan if row[key] is None else row[key] for row in rows])[at]
-                for key in ("mass_kg", "U95_low_kg", "U95_high_kg")
-            )
-            traces.append(Trace(label, x[at], y, "whiskers", "kg", low, high, hue=hue))
-    lines = (HorizontalLine("specification", document["specification_kg"], "specification"),)
+    x = [row["value"] for row in rows]
+    edge = 0.03 * (max(x) - min(x)) or 0.1 * x[0]
+    ends = (min(x) - edge, max(x) + edge)
+    panel = mass_panel(
+        x,
+        rows,
+        [
+            (f"{VERDICTS[valid]}, 95 % interval", [row["valid"] is valid for row in rows], hue)
+            for valid, hue in ((True, 0), (False, 5))
+        ],
+        band=("by its own options, 95 % interval", ends, [own[key] for key in MASS_KEYS if key != "u_kg"]),
+        specification_kg=document["specification_kg"],
+    )
     return [
         Figure(
             "mass", f"Mass over the {name}", "Each point is the whole identification at that value.",
-            f"{name}, {unit}", (Panel("mass, kg", tuple(traces), lines),), shown=(ends[0], ends[1]),
+            f"{name}, {unit}", (panel,), shown=ends,
         )
     ]  # fmt: skip

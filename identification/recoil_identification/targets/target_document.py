@@ -12,7 +12,7 @@ import numpy as np
 from recoil_acquisition.measured import beside as figures_beside
 from recoil_acquisition.remark import Remark, findings_of
 from recoil_acquisition.shot import Check, InputFile, Shot
-from recoil_acquisition.store.shot_log import ShotLogRow
+from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_identification.estimate.conformity import conformity_of
 from recoil_identification.report.document import outputs_of, provenance_inputs, started
 from recoil_identification.report.report_files import DRAWN, computer, json_bytes, sealed, stated, to_json

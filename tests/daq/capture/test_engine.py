@@ -234,6 +234,7 @@ def history_of(device: Any, until_s: float, needed_from_s: float = 1e9) -> Count
     return history
 
 
+@pytest.mark.exhaustive
 def test_the_rate_is_that_of_the_last_two_seconds(device: Counting) -> None:
     history = history_of(device, 11.0)
     assert history.rate_hz("imu") == pytest.approx(100.0)
@@ -250,6 +251,7 @@ def test_at_first_it_is_too_early_for_a_rate(device: Counting) -> None:
     assert history.rate_hz("imu") == 0.0
 
 
+@pytest.mark.exhaustive
 def test_a_shot_gets_the_counts_around_it(device: Counting) -> None:
     history = history_of(device, 19.0, needed_from_s=12.0)
     span = history.spans(12.1, 13.1)["imu"]
@@ -260,6 +262,7 @@ def test_a_shot_gets_the_counts_around_it(device: Counting) -> None:
     assert history.spans(18.1, 19.5)["imu"].after.received == 920
 
 
+@pytest.mark.exhaustive
 def test_what_nobody_needs_any_more_is_dropped_but_for_one_before(device: Counting) -> None:
     history = history_of(device, 19.0, needed_from_s=18.0)
     # two seconds back, for the rate, and one before that

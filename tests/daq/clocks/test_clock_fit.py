@@ -238,6 +238,7 @@ def test_two_frames_give_a_line_without_certainty_and_fewer_none() -> None:
         fit_clock(device, host[:1])
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=300, deadline=None)
 @given(st.lists(st.tuples(st.integers(-(2**63), 2**63 - 1), st.integers(-(2**63), 2**63 - 1)), min_size=2, max_size=40))
 def test_no_stamps_whatever_make_it_fail(pairs: list[tuple[int, int]]) -> None:

@@ -105,6 +105,7 @@ def test_a_step_that_float64_cannot_resolve_is_refused() -> None:
     TimeBase.uniform("c", 1.77e9, 1e-5, 1000)
 
 
+@pytest.mark.exhaustive
 @given(
     start_s=st.floats(-1e9, 1e9),
     step_s=st.floats(1e-9, 1e3),

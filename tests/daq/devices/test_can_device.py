@@ -70,6 +70,7 @@ def message(number: int, stamp_s: float = 1.0) -> can.Message:
     )
 
 
+@pytest.mark.real_time
 def test_all_of_20000_frames_arrive_in_order_with_both_stamps(channel: str, sender: can.BusABC) -> None:
     device = open_device("bus", "can", {"interface": "virtual", "channel": channel})
     before_ns = time.monotonic_ns()

@@ -52,6 +52,7 @@ def test_a_name_that_would_do_harm_as_a_files_name_is_refused_with_its_reason(na
     assert why in fault
 
 
+@pytest.mark.exhaustive
 @given(st.text(st.characters(codec="utf-8"), max_size=40))
 def test_a_name_that_is_taken_makes_one_file_in_its_folder(name: str) -> None:
     if shot_name_fault(name) is None:

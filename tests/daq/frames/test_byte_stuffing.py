@@ -12,6 +12,7 @@ from recoil_acquisition.frames.byte_stuffing import (
 from tests.builders.serial_packets import cobs, slip
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=200, deadline=None)
 @given(
     st.one_of(st.binary(max_size=40), st.lists(st.sampled_from([0, 1, 0xC0, 0xDB, 0xDC, 0xDD]), max_size=40).map(bytes))

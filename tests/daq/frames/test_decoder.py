@@ -100,6 +100,7 @@ def test_splitting_lines_anywhere_changes_nothing(framing: Any, stream: bytes, c
     assert decoded(framing, [stream[i : i + 1] for i in range(len(stream))]) == whole
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("framing", [WEAK, BARE])
 @settings(max_examples=300, deadline=None)
 @given(stream=SHORT_ALPHABET)
@@ -111,6 +112,7 @@ def test_the_whole_capture_scan_equals_the_stream_decoder(framing: Any, stream: 
     assert [found.frame(i) for i in range(found.ends.size)] == [frame.data for frame in frames]
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=150, deadline=None)
 @given(st.data())
 def test_every_byte_is_in_a_good_frame_or_counted_as_skipped(data: st.DataObject) -> None:

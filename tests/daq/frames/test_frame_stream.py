@@ -158,6 +158,7 @@ def reads_of(stream: bytes, cuts: list[int]) -> list[tuple[None, bytes]]:
     return [(None, stream[a:b]) for a, b in pairwise(places)]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", EXAMPLES)
 @settings(max_examples=60, deadline=None)
 @given(data=st.data())

@@ -19,6 +19,7 @@ RANGES = {"u8": (0, 2**8 - 1), "i8": (-(2**7), 2**7 - 1), "u16": (0, 2**16 - 1),
 RANGES |= {"u24": (0, 2**24 - 1), "i24": (-(2**23), 2**23 - 1), "u32": (0, 2**32 - 1), "i32": (-(2**31), 2**31 - 1)}
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=120, deadline=None)
 @given(kind=st.sampled_from(list(RANGES)), endian=st.sampled_from(["little", "big"]), data=st.data())
 def test_whole_numbers_of_every_type_are_read(kind: str, endian: str, data: st.DataObject) -> None:

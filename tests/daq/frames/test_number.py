@@ -18,6 +18,7 @@ from tests.builders.serial_packets import cobs
 WHOLE = [type_ for type_ in TYPE_SIZES if type_[0] in "ui"]
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=300, deadline=None)
 @given(type_=st.sampled_from(list(TYPE_SIZES)), big_endian=st.booleans(), data=st.data())
 def test_one_number_and_many_are_read_alike(type_: str, *, big_endian: bool, data: st.DataObject) -> None:
@@ -36,6 +37,7 @@ def test_one_number_and_many_are_read_alike(type_: str, *, big_endian: bool, dat
             assert many == one or (math.isnan(one) and math.isnan(many))
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=200, deadline=None)
 @given(type_=st.sampled_from(WHOLE), data=st.data())
 def test_a_slice_of_bits_is_the_shifted_number(type_: str, data: st.DataObject) -> None:

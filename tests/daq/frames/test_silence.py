@@ -55,6 +55,7 @@ def test_modbus_silences_are_the_default() -> None:
     assert framing_from_table({**MODBUS, "gap_s": 0.01}).silence_s == 0.01
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=80, deadline=None)
 @given(
     frames=st.lists(st.binary(min_size=0, max_size=30), min_size=1, max_size=8),
@@ -143,6 +144,7 @@ def test_an_interruption_ends_what_waits_like_a_silence() -> None:
     assert decoder.counters == FrameCounters(received=2, timed_out=1, skipped_bytes=4)
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=120, deadline=None)
 @given(
     pieces=st.lists(

@@ -40,18 +40,21 @@ def test_damage_of_every_kind_costs_what_it_touches_and_is_counted(whole, tmp_pa
     assert len(kinds) == 10
 
 
+@pytest.mark.exhaustive
 def test_a_log_that_did_not_end_in_order_never_counts_too_many_lost(tmp_path):
     written = write_log(tmp_path / "whole", 300, closed=False)
     faults, _ = faults_of_trials(tmp_path / "whole", written, tmp_path / "damaged", trials=30, seed=2)
     assert faults == []
 
 
+@pytest.mark.exhaustive
 def test_a_reader_that_ends_at_damage_is_found_out(whole, tmp_path, monkeypatch):
     monkeypatch.setattr(FileScan, "_behind_damage", lambda _self, _damaged: None)
     faults, _ = faults_of_trials(*whole, tmp_path / "damaged", trials=10, seed=3)
     assert any("not returned" in fault for fault in faults)
 
 
+@pytest.mark.exhaustive
 def test_a_reader_that_trusts_payloads_is_found_out(whole, tmp_path, monkeypatch):
     def trusting(scan, head):
         payload = scan._bytes(head.at + 64, head.length)

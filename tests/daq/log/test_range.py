@@ -82,6 +82,7 @@ def test_a_range_is_a_filter_of_all_however_late_something_was_appended(tmp_path
     assert faults_of_windows(tmp_path / "log", 40, 1) == []
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("step_ns", [0, 1300])
 def test_a_range_is_a_filter_of_all_to_the_nanosecond(tmp_path, monkeypatch, step_ns):
     choice = random.Random(6)  # noqa: S311 - a test's choice, no secret

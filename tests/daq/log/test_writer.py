@@ -108,6 +108,7 @@ def test_empty_and_foreign_payload_types_come_back_as_bytes(tmp_path):
     assert [r.payload for r in open_log(tmp_path / "j").records(1)] == [b"", b"", b"ab", b"abcd"]
 
 
+@pytest.mark.exhaustive
 def test_records_are_selected_by_source_and_host_time(tmp_path):
     write_records(tmp_path / "j", 100)
     everything = written(100)
@@ -433,6 +434,7 @@ def test_a_killed_writer_loses_nothing_that_it_was_told_is_written(tmp_path):
         assert 2 <= acknowledged <= found <= acknowledged + 2
 
 
+@pytest.mark.exhaustive
 @needs_kill
 def test_a_killed_writers_log_is_left_over_and_a_living_ones_is_not(tmp_path):
     kill_a_writer(tmp_path / "dead", 0.0)

@@ -197,6 +197,7 @@ def test_what_is_recognised_is_read_by_its_reader(tmp_path: Path) -> None:
     assert recording.read(recording.signals[0].name).tolist() == pytest.approx([acc for _, acc, _ in rows])
 
 
+@pytest.mark.exhaustive
 def test_a_text_is_recognised_without_the_modules_of_other_formats(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(build.dewesoft_text(build.motion_rows()))
     program = (

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import ReadError, StoreError
-from recoil_acquisition.store.shot_log import COLUMNS, NUMBERS, SHOT_LOG, ShotLog, ShotLogRow
+from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
+from recoil_acquisition.store.shot_log_row import COLUMNS, NUMBERS, ShotLogRow
 from tests.builders.saved_logs import saved
 
 NAMES = st.from_regex(r"[A-Za-z0-9_]{1,6}", fullmatch=True).filter(

@@ -104,6 +104,7 @@ def test_a_cause_that_is_left_in_adds_its_size_of_its_shape_and_no_other_does(se
     np.testing.assert_allclose(without[1] - kept[1], size * first.forces_n @ gauges, rtol=1e-9, atol=1e-6)
 
 
+@pytest.mark.whole_way
 @given(st.integers(0, 2**32 - 1), FEW, FEW, FEW)
 def test_the_errors_left_have_the_covariance_of_all_errors_but_the_mass_in_the_written_equation(
     seed, shifts, causes, changes

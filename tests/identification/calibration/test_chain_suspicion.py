@@ -71,6 +71,7 @@ def test_a_sound_shot_shows_none() -> None:
     assert ReasonCode.BREECH_CHAIN not in {one.code for one in (*found.reasons, *found.notes)}
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("readings", "source", "key"),
     [
@@ -94,6 +95,7 @@ def test_a_gauge_that_reads_otherwise_is_named_with_its_size_and_what_to_state(r
     assert not found.valid
 
 
+@pytest.mark.whole_way
 def test_a_tube_that_swings_is_named_with_its_frequency_and_a_bracket_by_the_sign() -> None:
     found = swung(500.0)
     chain = found.chain
@@ -108,6 +110,7 @@ def test_a_tube_that_swings_is_named_with_its_frequency_and_a_bracket_by_the_sig
     assert "stiffen what carries the accelerometer" in str(bracket)
 
 
+@pytest.mark.whole_way
 def test_the_mass_moves_by_what_an_estimate_with_the_shape_finds() -> None:
     found = with_reading(gauge_ahead=0.03)
     chain, calibration = found.chain, found.route.calibration
@@ -117,6 +120,7 @@ def test_the_mass_moves_by_what_an_estimate_with_the_shape_finds() -> None:
     assert chain.explained.inferred.value(chain.source) == pytest.approx(chain.size, rel=0.05)
 
 
+@pytest.mark.whole_way
 def test_a_rig_that_states_it_is_asked_for_it_no_more_and_finds_it() -> None:
     virtual = virtual_shot()
     stated = "gauge_ahead = { chamber_length_m = 0.5, projectile_mass_kg = 15.0, u_share = 0.03 },"

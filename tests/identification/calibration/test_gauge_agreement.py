@@ -66,6 +66,7 @@ def test_every_scale_is_a_sensors_and_that_of_the_mean_is_both_gauges(both):
     assert both.sensors[both.route.calibration.common[0].sources[0]] == "V301 and V399"
 
 
+@pytest.mark.indispensable("two gauges")
 def test_two_gauges_make_the_mass_as_sure_as_one_that_is_as_good_as_their_mean(both, one, rig, shot):
     better = tuple(of_breech(channel, u_rel=0.005 / math.sqrt(2)) for channel in rig.without_channel(SECOND).channels)
     as_good = identify_shot(FiredShot(shot.without_channel(SECOND), replace(rig, channels=better)), Options())
@@ -78,6 +79,7 @@ def test_two_gauges_make_the_mass_as_sure_as_one_that_is_as_good_as_their_mean(b
     assert abs(both.chosen.estimate.mass_kg - 782.0) < 3 * together
 
 
+@pytest.mark.whole_way
 def test_what_only_the_differences_have_is_the_shots_own_and_in_pascal_and_seconds(both):
     units = {one.name: one.unit for one in both.route.calibration.inferred.unknowns if "difference 1" in one.name}
     stated = {row.source: row.sensitivity_per for row in both.route.calibration.estimate.budget}
@@ -89,6 +91,7 @@ def test_what_only_the_differences_have_is_the_shots_own_and_in_pascal_and_secon
     assert own == {"shot"}
 
 
+@pytest.mark.whole_way
 def test_areas_and_standards_are_the_rigs_and_gauges_the_sensors(rig, shot):
     by_one = tuple(of_breech(one, reference="dead weights", u_reference_rel=0.003) for one in rig.channels)
     mechanism = replace(
@@ -100,6 +103,7 @@ def test_areas_and_standards_are_the_rigs_and_gauges_the_sensors(rig, shot):
     assert scopes[of_gauge(SECOND)] == scopes["brake_pressure sensitivity"] == "sensor"
 
 
+@pytest.mark.whole_way
 def test_their_difference_is_told_far_better_than_either(both, shot):
     inferred = both.route.calibration.inferred
     at = [[unknown.name for unknown in inferred.unknowns].index(f"ln {of_gauge(name)}") for name in (FIRST, SECOND)]
@@ -129,6 +133,7 @@ def test_a_gauge_that_is_off_is_set_aside_and_the_others_give_the_mass(rig, shot
     assert found.chosen.estimate.mass_kg == pytest.approx(alone.chosen.estimate.mass_kg, rel=1e-9)
 
 
+@pytest.mark.whole_way
 def test_a_gauge_that_lost_samples_is_set_aside_where_another_did_not(rig, shot, one):
     samples = np.array(shot.channels[SECOND].samples)
     samples[5000:5200] = np.nan
@@ -149,6 +154,7 @@ def test_a_gauge_that_a_shot_does_not_have_makes_nothing_surer(rig, shot, one):
     assert by_camera.chosen.estimate.u_kg == alone.chosen.estimate.u_kg
 
 
+@pytest.mark.whole_way
 def test_without_several_gauges_there_is_nothing_to_compare(rig, shot):
     single, alone = shot.without_channel(SECOND), rig.without_channel(SECOND)
     found = gauge_agreement(collect_signals(FiredShot(single, alone), {}), alone, (0.06, 0.2))
@@ -190,6 +196,7 @@ def with_third(rig: Rig) -> Rig:
     return replace(rig, channels=(*rig.channels, third))
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("count", [2, 3])
 def test_scales_zeros_that_stand_and_move_and_delays_explain_all_differences(rig, count):
     rng = np.random.default_rng(count)
@@ -227,6 +234,7 @@ def test_scales_zeros_that_stand_and_move_and_delays_explain_all_differences(rig
         np.testing.assert_allclose(left, 0.0, atol=1e-6)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(("first", "second"), [(3e4, 4e4), (0.0, 0.0)])
 @pytest.mark.parametrize("pressure_pa", [0.0, 1e8])
 def test_a_row_is_the_difference_of_a_millisecond_over_its_noise_and_a_thousandth_of_the_pressure(
@@ -245,6 +253,7 @@ def test_a_row_is_the_difference_of_a_millisecond_over_its_noise_and_a_thousandt
     np.testing.assert_allclose(left, apart_pa / math.sqrt(2) / sigma_pa, rtol=1e-9)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("instant_s", "counts"), [(ONSET_S - STEP_S, False), (ONSET_S, True), (END_S, True), (END_S + STEP_S, False)]
 )
@@ -255,6 +264,7 @@ def test_gauges_are_compared_from_the_onset_to_the_end_of_travel(rig, instant_s,
     assert bool(block.recorded.any()) is counts
 
 
+@pytest.mark.whole_way
 def test_of_a_difference_is_known_what_is_known_of_its_gauges(rig):
     readings = np.zeros((2, TIMES_S.size))
     rig = replace(rig, channels=tuple(of_breech(channel, u_zero_rel=0.001) for channel in rig.channels))
@@ -319,6 +329,7 @@ def test_gauges_that_are_taken_for_exact_are_not_doubted():
     assert gauge_set_aside(Residuals({}), replace(signals, gauges={})) is None
 
 
+@pytest.mark.whole_way
 def test_of_three_gauges_the_mean_is_as_uncertain_as_three_are_and_two_differences_are_told(rig, shot):
     third = rig.channel(SECOND).model_copy(update={"name": "p_breech_3", "signal": "AI 27/p_breech_3"})
     three = replace(rig, channels=(*rig.channels, third))
@@ -340,6 +351,7 @@ def test_of_three_gauges_the_mean_is_as_uncertain_as_three_are_and_two_differenc
     assert parts == pytest.approx(dict.fromkeys(map(of_gauge, (FIRST, SECOND, "p_breech_3")), 0.005 / 3))
 
 
+@pytest.mark.whole_way
 def test_gauges_of_one_standard_share_its_part(rig):
     by_one = [of_breech(channel, reference="dead weights", u_reference_rel=0.003) for channel in rig.channels]
     shared = replace(rig, channels=tuple(by_one))

@@ -70,6 +70,7 @@ def test_the_costliest_of_single_sensors_stands_first_and_how_the_stop_lets_go_i
     assert RELEASE not in {one.source for one in single}
 
 
+@pytest.mark.whole_way
 def test_a_shot_by_its_camera_alone_has_no_second_length() -> None:
     virtual = virtual_shot()
     found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method="camera"))

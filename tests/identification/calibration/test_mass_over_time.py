@@ -306,6 +306,7 @@ def test_a_sensor_that_contradicts_the_others_and_explains_more_is_blamed_before
     assert ("a sensor that is off explains the shot better" in str(one)) is by_a_sensor
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("share", [1.0, drifting(-0.01), stepping(0.06, -0.01)], ids=["constant", "drift", "step"])
 def test_the_bayes_factor_is_the_likelihood_of_a_change_integrated_over_its_size(share):
     """Rows are fitted anew for each size of a change; nothing of the score test is used."""

@@ -163,6 +163,7 @@ def test_a_row_is_what_moving_its_source_and_estimating_anew_gives(source: str) 
     assert row_kg == pytest.approx(refit_kg, abs=0.005 * calibration_of("mixed").estimate.u_kg)
 
 
+@pytest.mark.whole_way
 def test_how_the_stop_lets_go_is_known_to_its_impulse_over_the_mass() -> None:
     (row,) = [row for row in calibration_of("mixed").estimate.budget if row.source == RELEASE]
     forced = tracked("mixed").forced
@@ -170,6 +171,7 @@ def test_how_the_stop_lets_go_is_known_to_its_impulse_over_the_mass() -> None:
     assert row.u_kg / abs(row.sensitivity) == pytest.approx(forced.recorded.u_release_n_s / forced.mass_kg)
 
 
+@pytest.mark.whole_way
 def test_each_row_of_the_camera_states_the_unit_of_its_source() -> None:
     units = {row.source: row.sensitivity_per for row in calibration_of("mixed").estimate.budget}
     assert units["alignment of clock camera"] == units["alignment of clock can"] == "s"

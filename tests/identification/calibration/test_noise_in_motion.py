@@ -82,6 +82,7 @@ def test_a_rest_that_is_as_loud_as_the_motion_gives_the_weights_of_the_rest() ->
     assert calibration.estimate.u_kg == pytest.approx(plain.u_kg, rel=1e-12)
 
 
+@pytest.mark.whole_way
 def test_noise_that_is_the_rests_is_not_found_to_be_coloured() -> None:
     each = [found(seed).noise for seed in range(12)]
     assert np.median([one.unexplained_share for one in each]) == 0.0
@@ -91,6 +92,7 @@ def test_noise_that_is_the_rests_is_not_found_to_be_coloured() -> None:
     assert np.median(ratios) < 1.5
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("kind", ["white", "with the velocity", "with the acceleration"])
 def test_white_noise_in_the_motion_is_found_behind_the_filter(kind: str) -> None:
     r = exact()
@@ -117,6 +119,7 @@ def test_white_noise_in_the_motion_is_found_behind_the_filter(kind: str) -> None
     assert np.abs(z).max() < 3.0
 
 
+@pytest.mark.whole_way
 def test_white_noise_is_never_found_smaller_than_the_upper_half_of_the_band_tells() -> None:
     r = exact()
     for seed in range(6):
@@ -170,6 +173,7 @@ def fired(seed: int, rest: float) -> Identification:
     return identify_shot(FiredShot(bench_shot(motion, **noisy), bench_rig()), Options())
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("rest", [0.5, 0.25, 0.05])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_rest_that_is_quieter_than_the_motion_hardly_moves_the_mass_and_voids_nothing(seed: int, rest: float) -> None:

@@ -50,6 +50,7 @@ def test_a_shot_too_short_to_choose_from_says_how_to_give_the_memory():
         choose_trace_window(brief, brief.acceleration_m_s2, brief.force_n)
 
 
+@pytest.mark.whole_way
 def test_a_memory_longer_than_the_interval_is_refused_with_its_length():
     virtual = virtual_shot("field-2013")
     start, end = identified("field-2013").route.filtered.interval_s
@@ -62,6 +63,7 @@ def test_a_memory_longer_than_the_interval_is_refused_with_its_length():
     assert trace_window(longest, regression, regression.acceleration_m_s2, regression.force_n) == (longest, None)
 
 
+@pytest.mark.whole_way
 def test_a_virtual_shot_is_given_the_memory_that_predicts_best_and_its_mass_stays():
     virtual = virtual_shot("field-2013")
     found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(window_s=None))
@@ -125,6 +127,7 @@ def test_every_window_is_the_least_squares_of_its_own_samples():
         assert trace.mass_kg[k] == pytest.approx(f @ f / (a @ f), rel=1e-10)
 
 
+@pytest.mark.whole_way
 def test_the_uncertainty_is_the_scatter_of_the_masses():
     traces = [trace_of(noisy(15.0, seed)) for seed in range(40)]
     masses = np.array([t.mass_kg for t in traces])

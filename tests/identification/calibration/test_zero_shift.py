@@ -182,6 +182,7 @@ SHIFTED = {
 }
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("shifted", SHIFTED.values(), ids=SHIFTED)
 def test_the_parts_that_are_told_add_up_to_the_shift_that_is_taken_off(shifted: dict[str, float]) -> None:
     recorded, filtered, calibration, shift = judged(measured(1, **shifted))
@@ -308,6 +309,7 @@ def identified_with_a_kick(kick_m_s: float, anew: bool) -> Identification:
     return identify_shot(FiredShot(replace(shot, alignments=alignments), virtual.rig), Options())
 
 
+@pytest.mark.whole_way
 def test_a_gauge_that_is_off_is_no_shift_of_the_zero() -> None:
     virtual = virtual_shot("mixed")
     gauge = virtual.shot.by_role("recuperator_pressure")

@@ -58,6 +58,7 @@ def test_probabilities_of_sound_campaigns_are_those_of_chance():
     assert np.mean(own) == pytest.approx(0.5, abs=4 * 0.289 / np.sqrt(len(own)))
 
 
+@pytest.mark.whole_way
 def test_what_a_shot_leaves_of_its_own_rows_is_their_square_where_no_mass_changes():
     shots = sound(3)
     found = dict(combine(shots).agreement.own)

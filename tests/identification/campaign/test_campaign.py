@@ -87,6 +87,7 @@ def test_shots_are_in_the_order_in_which_they_were_fired() -> None:
     assert [shot.name for shot in in_order(timed)] == ["2", "1"]
 
 
+@pytest.mark.whole_way
 def test_a_shot_that_is_set_aside_is_listed_with_its_reason_and_counts_nothing() -> None:
     summary = WEIGHED[2].summary
     assert summary is not None
@@ -166,6 +167,7 @@ def test_another_gauge_that_is_off_is_named_by_itself() -> None:
     assert "share" not in one
 
 
+@pytest.mark.whole_way
 def test_what_stands_in_a_shot_where_its_rows_say_nothing_is_no_disagreement() -> None:
     shots = campaign_of((0.0, 120.0) * 4, seed=4).shots
     assert combine(shots).valid
@@ -247,6 +249,7 @@ def against(shots: Sequence[CampaignShot], *specifications: tuple[float, float] 
     )
 
 
+@pytest.mark.whole_way
 def test_the_mass_stands_beside_the_specification_without_what_was_added() -> None:
     document = answer(against(WEIGHED, (900.0, 2.5)))
     mass = document["mass"]
@@ -259,6 +262,7 @@ def test_the_mass_stands_beside_the_specification_without_what_was_added() -> No
     assert mass["value"] == answer(WEIGHED)["mass"]["value"]
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("specifications", "said"),
     [
@@ -308,6 +312,7 @@ def test_a_campaign_says_what_mass_it_is_and_of_what_its_specification_consists(
     assert sum(row["u_kg"] ** 2 for row in document["budget"]) == pytest.approx(mass["u"] ** 2)
 
 
+@pytest.mark.whole_way
 def test_a_shot_that_is_not_valid_by_itself_is_used_and_said_to_be() -> None:
     reason = "breech_pressure reads high"
     shots = [replace(WEIGHED[0], valid=False, reasons=(reason,)), *WEIGHED[1:]]
@@ -322,7 +327,7 @@ def test_a_shot_that_is_not_valid_by_itself_is_used_and_said_to_be() -> None:
     assert [row["valid"] for row in rows[:3]] == ["false", "true", "false"]
     assert [row["reasons"] for row in rows[:3]] == [reason, "", reason]
     assert rows[0]["use"] == first["use"]
-    table = campaign_tables.shots(document)
+    table = campaign_tables.SHOTS.worded(document)
     assert [row["valid"] for row in table[:3]] == ["not valid", "valid", "not valid"]
     assert reason in table[0]["remarks"]
 
@@ -353,6 +358,7 @@ def test_a_report_with_something_else_where_a_number_belongs_is_refused(changes:
         CampaignShot.of_report(document | changes)
 
 
+@pytest.mark.whole_way
 @settings(max_examples=150, deadline=None)
 @given(st.data())
 def test_a_damaged_report_is_refused_and_nothing_else(data: st.DataObject) -> None:

@@ -39,6 +39,7 @@ def test_nothing_changed_in_sound_campaigns(added: tuple[float, ...], seed: int)
     assert changes_of(campaign_of(added, seed=seed)) == ()
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("added", [PLAIN, WEIGHED])
 def test_a_step_of_the_mass_is_found_with_its_place_and_size(added: tuple[float, ...]) -> None:
     (change,) = changes_of(campaign_of(added, seed=4, step_kg={4: -4.0}))
@@ -49,6 +50,7 @@ def test_a_step_of_the_mass_is_found_with_its_place_and_size(added: tuple[float,
     assert "drift" in change.instead
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("parameter", ["ln breech_pressure", "ln brake_pressure"])
 def test_a_sensor_that_drifts_is_named(parameter: str) -> None:
     drawn = campaign_of(WEIGHED, seed=5, moved={(i, parameter): 0.01 * RAMP[i] for i in range(8)})
@@ -58,6 +60,7 @@ def test_a_sensor_that_drifts_is_named(parameter: str) -> None:
     assert abs(change.size - 0.01) < 3 * change.u
 
 
+@pytest.mark.whole_way
 def test_one_shot_that_lies_apart_is_named_with_its_sensor() -> None:
     (change,) = changes_of(campaign_of(WEIGHED, seed=6, moved={(3, "ln breech_pressure"): -0.01}))
     assert (change.kind, change.shots) == (OUTLIER, ("0004",))
@@ -108,6 +111,7 @@ def test_a_configuration_that_was_declared_is_no_change() -> None:
     assert changes_of(campaign_of(PLAIN, seed=3, step_kg={4: -6.0}, configurations=names)) == ()
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("kind", [STEP, DRIFT, OUTLIER])
 def test_what_a_candidate_promises_is_what_a_fit_with_its_column_gains(kind: str) -> None:
     drawn = campaign_of(WEIGHED, seed=10, step_kg={4: -0.5})
@@ -123,6 +127,7 @@ def test_what_a_candidate_promises_is_what_a_fit_with_its_column_gains(kind: str
     assert candidate.gain == pytest.approx(gained, abs=2e-3 * max(1.0, gained))
 
 
+@pytest.mark.whole_way
 def test_the_residual_of_a_shot_is_what_it_says_apart_from_all_others() -> None:
     rows = rows_of(campaign_of(WEIGHED, seed=11))
     fit = joint_fit(rows)

@@ -99,6 +99,7 @@ def test_the_budget_over_all_scatters_adds_up_to_the_uncertainty() -> None:
     assert budget[0].u_kg < 0.8 * fit.mass_kg("as built")[1]
 
 
+@pytest.mark.whole_way
 def test_scatters_are_weighed_by_the_density_of_the_rows() -> None:
     drawn = campaign_of((0.0,) * 4, seed=2, gain_rel=1e-3)
     rows = rows_of(drawn.shots)
@@ -152,6 +153,7 @@ def test_a_larger_force_is_believed_where_the_shots_show_it() -> None:
     assert sizes[1] > 2.5
 
 
+@pytest.mark.whole_way
 def test_the_share_that_no_gauge_reads_is_learnt_by_charges_and_an_added_mass() -> None:
     drawn = campaign_of(ADDED, seed=10, unread=1.0)
     fit = joint_fit(rows_of(drawn.shots))
@@ -168,6 +170,7 @@ def test_shots_without_errors_give_the_mass_and_no_error_of_a_sensor() -> None:
     assert [fit.value(name) for name in INFLUENCES] == pytest.approx([0.0] * 5, abs=1e-6)
 
 
+@pytest.mark.whole_way
 def test_an_added_mass_tells_the_scales_that_more_shots_do_not() -> None:
     one, plain, weighed = (
         joint_fit(rows_of(campaign_of(added).shots)) for added in ((0.0,) * 2, (0.0,) * 16, (0.0, 120.0) * 8)
@@ -179,6 +182,7 @@ def test_an_added_mass_tells_the_scales_that_more_shots_do_not() -> None:
     assert weighed.u(BREECH) < plain.u(BREECH)
 
 
+@pytest.mark.whole_way
 def test_the_scatter_that_was_drawn_is_found_and_makes_the_mass_less_sure() -> None:
     still, moving = (joint_fit(rows_of(campaign_of((0.0, 120.0) * 8, seed=5, gain_rel=rel).shots)) for rel in (0, 2e-3))
     assert still.scatter("gain_rel")[0] < 4e-4
@@ -214,6 +218,7 @@ def test_the_order_of_a_summarys_parameters_changes_nothing(order: list[int]) ->
     assert (other.value(name), other.u(name)) == pytest.approx((same.value(name), same.u(name)), rel=1e-8)
 
 
+@pytest.mark.whole_way
 def test_a_shot_that_lacks_a_parameter_tells_of_the_others() -> None:
     drawn = campaign_of((0.0, 120.0, 0.0, 120.0), seed=7)
     whole = joint_fit(rows_of(drawn.shots))

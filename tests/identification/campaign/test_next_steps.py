@@ -59,6 +59,7 @@ def test_a_mass_that_is_advised_may_be_the_one_that_the_shots_carry(share: float
     ) in {step.change for step in found.next_steps.lines}
 
 
+@pytest.mark.whole_way
 @pytest.mark.usefixtures("all_steps")
 def test_a_mass_that_the_shots_carry_is_no_surer_in_the_shots_to_come() -> None:
     """It is one weight: weighing it badly is nothing that more shots average away."""
@@ -69,6 +70,7 @@ def test_a_mass_that_the_shots_carry_is_no_surer_in_the_shots_to_come() -> None:
     assert sizes[3.0] > 1.2 * sizes[0.05]
 
 
+@pytest.mark.whole_way
 def test_a_step_that_cannot_be_worked_out_costs_itself_and_not_the_mass(monkeypatch: pytest.MonkeyPatch) -> None:
     def no_such(*_: object) -> None:
         raise np.linalg.LinAlgError("singular")
@@ -93,6 +95,7 @@ def test_a_step_that_cannot_be_worked_out_costs_itself_and_not_the_mass(monkeypa
     assert told == list(found.next_steps.notes) == document["notes"][-len(told) :]
 
 
+@pytest.mark.whole_way
 def test_two_weighings_of_one_mass_are_two_weights_with_names_that_tell_them_apart() -> None:
     drawn = campaign_of((0.0, 120.0, 120.0, 60.0), seed=6)
     shots = [*drawn.shots[:2], replace(drawn.shots[2], u_added_mass_kg=0.5), drawn.shots[3]]
@@ -115,6 +118,7 @@ def test_masses_that_round_to_the_same_are_told_apart_by_all_their_digits() -> N
     )
 
 
+@pytest.mark.whole_way
 def test_what_was_taken_off_is_counted_as_what_was_added_is() -> None:
     found = combine(campaign_of((0.0, -90.0) * 2, seed=7).shots)
     added = combine(campaign_of((0.0, 90.0) * 2, seed=7).shots)

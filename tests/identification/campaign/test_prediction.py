@@ -65,6 +65,7 @@ def test_more_shots_never_make_the_mass_less_sure(few: int, more: int, added_kg:
     assert u_more <= u_few * (1 + 1e-9)
 
 
+@pytest.mark.whole_way
 @settings(max_examples=20, deadline=None)
 @given(st.sampled_from(KEYS), st.floats(0.0, 1.0), st.sampled_from([1, 8]), st.sampled_from([0.0, 120.0]))
 def test_a_better_certificate_never_makes_the_mass_less_sure(key: str, by: float, shots: int, added_kg: float) -> None:

@@ -219,6 +219,7 @@ def unshifted() -> float:
     return identify_shot(FiredShot(bench_shot(), bench_rig()), Options()).chosen.estimate.mass_kg
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("unit", "factor"), [("MPa", 1e6), ("bar", 1e5), ("psi", 6894.757293168361), ("Pa", 1.0)])
 def test_the_mass_does_not_change_with_the_unit_of_the_file(unit, factor):
     rig = bench_rig(pressure_unit=unit)

@@ -37,6 +37,7 @@ def with_the_error_as_an_unknown(priors: list[Prior], error: dict[str, float]) -
     ]
 
 
+@pytest.mark.exhaustive
 @given(SEEDS)
 def test_an_error_is_told_as_surely_as_its_size_could_be_found(seed: int) -> None:
     blocks, priors = problem(seed)
@@ -47,6 +48,7 @@ def test_an_error_is_told_as_surely_as_its_size_could_be_found(seed: int) -> Non
         assert found.smallest_told == pytest.approx(NONCENTRALITY * beside.u("size"), rel=1e-6)
 
 
+@pytest.mark.exhaustive
 @given(SEEDS)
 def test_a_refit_with_the_smallest_error_moves_its_test_by_the_noncentrality_and_the_unknown_as_said(seed: int) -> None:
     blocks, priors = problem(seed)

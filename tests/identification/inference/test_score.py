@@ -15,6 +15,7 @@ from recoil_identification.inference.unknown import Prior, Unknown
 NAMES, FURTHER = ("a", "b"), ("p", "q")
 
 
+@pytest.mark.exhaustive
 @given(st.integers(0, 2**32 - 1))
 def test_the_misfit_falls_by_as_much_as_the_score_says(seed: int) -> None:
     rng = np.random.default_rng(seed)

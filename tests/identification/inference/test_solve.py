@@ -68,6 +68,7 @@ def test_it_is_generalized_least_squares(seed: int) -> None:
     assert found.u("c") == pytest.approx(np.sqrt(expected[2, 2]))
 
 
+@pytest.mark.exhaustive
 @given(SEEDS)
 def test_rows_whose_errors_are_correlated_count_by_the_inverse_of_their_covariance(seed: int) -> None:
     blocks, priors = problem(seed)
@@ -96,6 +97,7 @@ def test_the_contributions_add_up_to_the_variance(seed: int) -> None:
         assert total == pytest.approx(found.u(name) ** 2, rel=1e-9)
 
 
+@pytest.mark.exhaustive
 @given(SEEDS)
 def test_a_contribution_is_what_a_refit_finds_when_the_source_moves_by_its_uncertainty(seed: int) -> None:
     blocks, priors = problem(seed)
@@ -133,6 +135,7 @@ def test_the_triangle_holds_all_that_the_blocks_say(seed: int) -> None:
     np.testing.assert_allclose(summarised.covariance, found.covariance, rtol=1e-8, atol=1e-10)
 
 
+@pytest.mark.exhaustive
 @given(SEEDS)
 def test_what_is_left_of_some_unknowns_holds_all_that_the_blocks_and_some_priors_say_of_them(seed: int) -> None:
     blocks, (pair, alone) = problem(seed)

@@ -87,6 +87,7 @@ def test_every_window_of_a_shot_followed_by_silence_equals_its_own_factorisation
     assert 0.0 < estimates.factorised.mean() < 0.1
 
 
+@pytest.mark.exhaustive
 def test_reflections_are_exact_to_thirteen_digits_where_a_shot_enters_and_leaves_the_window(shot):
     regressors, response, _ = shot
     last = [1_000, 3_001, 3_003, 3_150, 3_500, 3_796, 3_797, 3_798, 3_799, 3_900, 23_001, 29_999]
@@ -127,6 +128,7 @@ def test_products_alone_fail_where_a_shot_leaves_the_window_and_say_so_by_the_pi
     assert (error < 1e-13 / alone.smallest_pivot[199:]).all()
 
 
+@pytest.mark.exhaustive
 def test_a_shot_followed_by_silence_agrees_with_statsmodels_where_that_has_nothing_large_to_subtract(shot):
     from statsmodels.regression.rolling import RollingOLS
 
@@ -141,6 +143,7 @@ def test_a_shot_followed_by_silence_agrees_with_statsmodels_where_that_has_nothi
     assert relative_error(ours.parameters[sound], theirs.params[sound]).max() < 1e-9
 
 
+@pytest.mark.exhaustive
 def test_standard_errors_agree_with_statsmodels():
     from statsmodels.regression.rolling import RollingOLS
 
@@ -439,6 +442,7 @@ def test_the_callers_arrays_are_never_modified():
         np.testing.assert_array_equal(values, copy)
 
 
+@pytest.mark.exhaustive
 def test_scratch_memory_beside_the_record_and_its_results_is_some_tens_of_megabytes():
     regressors, response = white_record(20, 400_000, 5)
     tracemalloc.start()

@@ -35,6 +35,7 @@ def test_a_parameter_that_steps_is_given_a_window_shorter_than_its_steps(seed):
     assert f"{choice.window}" in choice.reason
 
 
+@pytest.mark.exhaustive
 def test_the_window_grows_with_the_noise():
     for seed in range(3):
         records = [record(seed, noise, stepping(400)) for noise in (0.03, 0.3, 1.0, 10.0, 30.0)]

@@ -11,7 +11,7 @@ import pytest
 
 from recoil_identification.report.appearance import dash_of
 from recoil_identification.report.beside import Laid, beside_document, beside_figures, of_what
-from recoil_identification.report.html import render_beside_page
+from recoil_identification.report.html import render_results_page
 from recoil_identification.shot.firing_record import CURVES, Curves
 from tests.builders.page_elements import PageElements
 
@@ -142,7 +142,7 @@ def test_a_report_without_curves_is_in_the_tables_all_the_same() -> None:
     bare = replace(laid("b", another(window_s=0.01)), trace=None, curves=None)
     assert [len(panel.traces) for figure in beside_figures([laid("a"), bare]) for panel in figure.panels] == [1] * 4
     assert beside_figures([bare]) == []
-    page = PageElements(render_beside_page(beside_document([bare, bare], version="0.1.0"), []))
+    page = PageElements(render_results_page(beside_document([bare, bare], version="0.1.0"), []))
     assert "Nothing differs." in page.text
 
 
@@ -151,7 +151,7 @@ def test_the_page_shows_what_differs_and_folds_what_is_equal() -> None:
         laid("new/0001", page="report.html"),
         laid("<i>old</i>/0001", another(window_s=0.01), page="../o d/report.html"),
     ]
-    page = render_beside_page(beside_document(both, version="0.1.0"), beside_figures(both))
+    page = render_results_page(beside_document(both, version="0.1.0"), beside_figures(both))
     assert "<i>old" not in page.partition("<script")[0]
     assert 'href="../o%20d/report.html"' in page
     differs, _, equal = page.partition('id="parameters"')[2].partition("<details>")

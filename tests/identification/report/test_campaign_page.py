@@ -84,6 +84,7 @@ def trace(figure, name):
     return next(one for one in figure["data"] if one["name"] == name)
 
 
+@pytest.mark.whole_way
 def test_the_page_says_the_mass_its_interval_and_that_nothing_changed():
     document, page = page_of(shots_of())
     text = PageElements(page).text
@@ -96,6 +97,7 @@ def test_the_page_says_the_mass_its_interval_and_that_nothing_changed():
     assert not re.search(r"\b(None|nan|null|Undefined)\b", text.replace('"cutoff_hz": null', ""))
 
 
+@pytest.mark.whole_way
 def test_a_mass_step_is_said_once_and_drawn():
     document, page = page_of(shots_of(step_kg={4: -6.0}))
     (change,) = [one for one in document["signals"] if one["kind"] == "mass step"]
@@ -119,6 +121,7 @@ def test_where_two_shots_do_not_agree_nothing_is_said_to_be_as_it_was():
     assert "Nothing changed" not in text
 
 
+@pytest.mark.whole_way
 def test_a_drift_is_said_although_the_mass_is_valid():
     moved = {(k, "ln breech_pressure"): 0.02 * k / 7 for k in range(8)}
     document, page = page_of(shots_of(moved=moved))
@@ -127,6 +130,7 @@ def test_a_drift_is_said_although_the_mass_is_valid():
     assert notation(change["detail"]) in PageElements(page).text
 
 
+@pytest.mark.whole_way
 def test_what_a_chart_fires_is_a_signal_and_a_ring_and_no_reason():
     shots = [
         replace(one, baseline=(replace(one.baseline[0], offset=100.0 * k + k % 2),)) for k, one in enumerate(shots_of())
@@ -181,6 +185,7 @@ def test_own_masses_scatter_about_the_joint_one_as_they_say():
     assert np.std(off) == pytest.approx(1.0, abs=0.35)
 
 
+@pytest.mark.whole_way
 def test_a_shot_that_is_set_aside_is_listed_and_drawn_by_itself():
     shots = [replace(one, excluded="brake lost oil") if one.name == "0003" else one for one in shots_of()]
     _, page = page_of(shots)
@@ -188,12 +193,14 @@ def test_a_shot_that_is_set_aside_is_listed_and_drawn_by_itself():
     assert trace(drawn(page)["mass"], "set aside")["text"] == ["0003"]
 
 
+@pytest.mark.whole_way
 def test_shots_link_to_their_reports_by_relative_paths():
     _, page = page_of(shots_of(), pages={"0001": "reports/0001/report.html", "0002": "../other place/0002/report.html"})
     links = [a["href"] for tag, a in PageElements(page).elements if tag == "a" and "report.html" in a["href"]]
     assert links == ["./reports/0001/report.html", "./../other%20place/0002/report.html"]
 
 
+@pytest.mark.whole_way
 def test_the_page_refers_to_the_script_beside_it_and_to_nothing_else():
     shots = shots_of()
     curves = overlay((one.name, curves_of(k)) for k, one in enumerate(shots))
@@ -210,6 +217,7 @@ def test_the_page_refers_to_the_script_beside_it_and_to_nothing_else():
     assert "default-src 'none'" in page
 
 
+@pytest.mark.whole_way
 def test_hostile_names_neither_break_out_nor_get_lost():
     shots = tuple(
         replace(
@@ -264,6 +272,7 @@ def test_a_file_that_holds_no_curves_is_refused(tmp_path, text):
         read_curves(tmp_path)
 
 
+@pytest.mark.whole_way
 def test_each_of_a_few_shots_is_a_line_named_after_it_and_of_its_group():
     shots = shots_of()
     curves = overlay((one.name, curves_of(k)) for k, one in enumerate(shots[:6]))

@@ -84,6 +84,7 @@ def test_two_equal_means_of_ten_have_eighteen_together() -> None:
     assert math.isinf(welch_satterthwaite([(0.0, 3.0), (math.inf, 5.0)]))
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("shots", [3, 24])
 def test_what_is_random_among_shots_has_as_many_as_its_variance_is_known(shots: int) -> None:
     campaign = combine(campaign_of((0.0, 120.0, 0.0) * (shots // 3), seed=4).shots)

@@ -58,6 +58,7 @@ def test_a_report_lists_reasons_warnings_and_notes(reasons: tuple[Reason, ...]) 
     assert len(texts(document, Severity.WARN)) == sum(check.verdict == "warn" for check in shot.quality)
 
 
+@pytest.mark.whole_way
 def test_a_campaign_lists_its_signals_as_warnings_and_tells_no_change_twice() -> None:
     sound, stepped = (campaign_of(ALTERNATING, seed=4, step_kg=step).shots for step in ({}, {4: -12.0}))
     for shots, valid in ((sound, True), (stepped, False)):

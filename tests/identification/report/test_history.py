@@ -13,11 +13,11 @@ from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.combination import combine
 from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.history import (
+    HISTORY,
     THIS,
     history_again,
     history_document,
     history_figure,
-    history_rows,
     row_of,
     shared_kg2,
 )
@@ -62,6 +62,7 @@ def test_the_difference_of_two_campaigns_is_as_uncertain_as_it_scatters(
     assert all(0.05 < share < 1.0 for share in in_common)
 
 
+@pytest.mark.whole_way
 def test_a_campaign_shares_with_itself_all_but_what_is_random(
     pairs: list[tuple[dict[str, Any], dict[str, Any]]],
 ) -> None:
@@ -70,6 +71,7 @@ def test_a_campaign_shares_with_itself_all_but_what_is_random(
     assert shared_kg2(one, one) == pytest.approx(one["mass"]["u"] ** 2 - random, rel=1e-9)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("key", ["certificate", "calibrated"])
 def test_another_certificate_is_another_error(pairs: list[tuple[dict[str, Any], dict[str, Any]]], key: str) -> None:
     one, other = (copy.deepcopy(answer) for answer in pairs[0])
@@ -83,6 +85,7 @@ def test_another_certificate_is_another_error(pairs: list[tuple[dict[str, Any], 
     assert same - shared_kg2(one, other) == pytest.approx(gauge["u_kg"] * theirs["u_kg"])
 
 
+@pytest.mark.whole_way
 def test_another_u_of_a_source_is_other_knowledge_and_opposite_signs_make_masses_differ_more(
     pairs: list[tuple[dict[str, Any], dict[str, Any]]],
 ) -> None:
@@ -106,7 +109,7 @@ def test_a_mass_that_changed_between_campaigns_is_told_in_a_sentence() -> None:
     assert "spring" in history["detail"]
     assert history_of(before, before)["agrees"] is True
     document = {**after, "history": history}
-    earlier, this = history_rows(document)
+    earlier, this = HISTORY.worded(document)
     assert (earlier["campaign"], this["campaign"]) == ("spring", THIS)
     assert history_again(history, after) == history
     figure = history_figure(document)
@@ -114,6 +117,7 @@ def test_a_mass_that_changed_between_campaigns_is_told_in_a_sentence() -> None:
     assert figure.names == ("spring", THIS)
 
 
+@pytest.mark.whole_way
 def test_one_that_is_not_compared_is_shown_and_counts_nothing() -> None:
     one = answer(campaign_of((0.0, 120.0) * 2, seed=3).shots)
     u = one["mass"]["u"]
@@ -123,10 +127,10 @@ def test_one_that_is_not_compared_is_shown_and_counts_nothing() -> None:
     assert history["campaigns"][0]["E_n"] is None
     assert "No earlier campaign" in history["detail"]
     assert history_figure({**one, "history": history}) is not None
-    assert history_rows({**one, "history": history})[0]["remark"] == "it is not valid"
+    assert HISTORY.worded({**one, "history": history})[0]["remark"] == "it is not valid"
 
 
 def test_without_a_history_there_is_neither_table_nor_figure() -> None:
     document = {"mass": {"value": MASS_KG}}
-    assert history_rows(document) == []
+    assert HISTORY.worded(document) == []
     assert history_figure(document) is None

@@ -22,17 +22,15 @@ from recoil_identification.report.campaign_document import campaign_document, ca
 from recoil_identification.report.document import report_document
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
 from recoil_identification.report.html import (
-    render_beside_page,
     render_campaign_page,
-    render_index_page,
     render_page,
-    render_sweep_page,
+    render_results_page,
     render_target_page,
 )
 from recoil_identification.report.paper import campaign_pdf, report_pdf, target_pdf
-from recoil_identification.report.shot_index import index_document, index_table, row_of_report
+from recoil_identification.report.shot_index import INDEX, index_document, row_of_report
 from recoil_identification.report.spreadsheet import write_workbook
-from recoil_identification.report.sweep import found_row, sweep_document, sweep_table
+from recoil_identification.report.sweep import SWEEP, found_row, sweep_document
 from recoil_identification.targets.finding import Finding, Quantity, Table
 from recoil_identification.targets.target_document import target_document
 from tests.builders.campaign_summaries import campaign_of
@@ -108,9 +106,9 @@ PAGES: dict[str, tuple[Callable[[], dict[str, Any]], Callable[[dict[str, Any]], 
     "shot": (of_shot, lambda one: render_page(one, [a_figure()])),
     "target": (of_target, lambda one: render_target_page(one, [a_figure()])),
     "campaign": (of_campaign, lambda one: render_campaign_page(one, [a_figure()])),
-    "index": (of_index, render_index_page),
-    "sweep": (of_sweep, lambda one: render_sweep_page(one, [a_figure()], f"t{EVIL}.csv")),
-    "beside": (of_beside, lambda one: render_beside_page(one, [a_figure()])),
+    "index": (of_index, render_results_page),
+    "sweep": (of_sweep, lambda one: render_results_page(one, [a_figure()])),
+    "beside": (of_beside, lambda one: render_results_page(one, [a_figure()])),
 }
 
 
@@ -140,6 +138,7 @@ def test_paper_shows_it_as_it_is_spelled(kind: str, made: Callable[..., bytes]) 
     assert "{{7*7}}" in text
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("start", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1+1", " =1+1", "\uff1d1+1", "\r=1"])
 def test_no_cell_is_a_formula(start: str, tmp_path: Path) -> None:
     document = of_campaign()
@@ -147,7 +146,7 @@ def test_no_cell_is_a_formula(start: str, tmp_path: Path) -> None:
     row = {**row_of_report(of_shot()), "shot": start, "reason": start, "configuration": start}
     sweep = of_sweep()
     sweep["rows"][0]["reason"] = start
-    texts = [campaign_table(document), index_table(index_document([row], version="1")), sweep_table(sweep)]
+    texts = [campaign_table(document), INDEX.csv(index_document([row], version="1")), SWEEP.csv(sweep)]
     found = [cell for text in texts for line in csv.reader(io.StringIO(text)) for cell in line if "1" in cell]
     bad = [cell for cell in found if cell.strip()[:1] in "=+@\uff1d\uff0b\uff20" or cell[:1] in "\t\r"]
     bad += [cell for cell in found if cell.strip()[:1] in ("-", "\uff0d") and not re.fullmatch(r"-[\d.e+-]+", cell)]

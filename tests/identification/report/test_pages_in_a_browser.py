@@ -22,9 +22,8 @@ from recoil_identification.report.history import THIS, history_document, history
 from recoil_identification.report.html import (
     PAGE_NAME,
     render_campaign_page,
-    render_index_page,
     render_page,
-    render_sweep_page,
+    render_results_page,
     render_target_page,
 )
 from recoil_identification.report.page_files import write_page, write_script
@@ -156,7 +155,13 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return visit(browser, pages, LOOK, folder=reports / "browser")
 
 
-@pytest.mark.parametrize("name", ["screen", "telephone", "alone", "campaign"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("screen", marks=pytest.mark.indispensable("a page in a browser")),
+        *(pytest.param(name, marks=pytest.mark.whole_way) for name in ("telephone", "alone", "campaign")),
+    ],
+)
 def test_a_page_draws_all_its_figures_without_an_error(seen: dict[str, Any], name: str) -> None:
     page = seen[name]
     assert page["errors"] == []
@@ -165,10 +170,12 @@ def test_a_page_draws_all_its_figures_without_an_error(seen: dict[str, Any], nam
     assert page["found"]["drawn"] == page["found"]["plots"] - folded > 0
 
 
+@pytest.mark.whole_way
 def test_no_page_asks_for_anything_beyond_its_files(seen: dict[str, Any]) -> None:
     assert seen[""] == [CONTROL]
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", ["telephone", "campaign"])
 def test_a_page_as_wide_as_a_telephone_does_not_scroll_sideways(seen: dict[str, Any], name: str) -> None:
     assert seen[name]["found"]["beyond"] <= 0
@@ -176,11 +183,13 @@ def test_a_page_as_wide_as_a_telephone_does_not_scroll_sideways(seen: dict[str, 
     assert seen[name]["found"]["cut"] == 0
 
 
+@pytest.mark.whole_way
 def test_on_a_telephone_a_cell_of_a_table_bears_its_heading(seen: dict[str, Any]) -> None:
     assert "kg" in seen["telephone"]["found"]["heading"]
     assert seen["screen"]["found"]["heading"] == "none"
 
 
+@pytest.mark.whole_way
 def test_a_report_is_printed_with_each_table_on_the_sheet_of_its_heading(tmp_path: Path) -> None:
     browser = find_browser()
     if browser is None:
@@ -195,11 +204,13 @@ def test_a_report_is_printed_with_each_table_on_the_sheet_of_its_heading(tmp_pat
         assert first in sheet.partition(heading)[2], heading
 
 
+@pytest.mark.whole_way
 def test_a_page_that_was_moved_away_from_its_script_says_what_it_needs(seen: dict[str, Any]) -> None:
     assert seen["lost"]["found"]["hints"] == ["missing"]
     assert not seen["lost"]["found"]["script"]
 
 
+@pytest.mark.whole_way
 def test_zoom_of_one_figure_moves_all_others_over_that_time_and_those_unfolded_later(seen: dict[str, Any]) -> None:
     found = seen["screen"]["found"]
     assert found["timed"] >= 6
@@ -207,6 +218,7 @@ def test_zoom_of_one_figure_moves_all_others_over_that_time_and_those_unfolded_l
     assert found["unfolded"] == [0.11, 0.14]
 
 
+@pytest.mark.whole_way
 def test_keys_zoom_and_move_a_figure_and_with_it_all_others_over_that_time(seen: dict[str, Any]) -> None:
     found = seen["screen"]["found"]
     assert found["focused"]
@@ -217,6 +229,7 @@ def test_keys_zoom_and_move_a_figure_and_with_it_all_others_over_that_time(seen:
     assert all(high - low > 0.1 for low, high in found["reset"])
 
 
+@pytest.mark.whole_way
 def test_the_instant_that_one_figure_is_read_at_is_shown_in_the_others(seen: dict[str, Any]) -> None:
     found = seen["screen"]["found"]
     assert found["instant"] == pytest.approx(0.12, abs=1e-6)
@@ -225,12 +238,14 @@ def test_the_instant_that_one_figure_is_read_at_is_shown_in_the_others(seen: dic
     assert "MPa" in found["readOut"]
 
 
+@pytest.mark.whole_way
 def test_a_read_out_has_true_minus_signs(seen: dict[str, Any]) -> None:
     told = " ".join(seen["screen"]["found"]["minus"])
     assert "\N{MINUS SIGN}" in told
     assert " -" not in told
 
 
+@pytest.mark.whole_way
 def test_the_switch_shows_what_was_recorded_or_filtered_or_both(seen: dict[str, Any]) -> None:
     switched = seen["screen"]["found"]["switched"]
     assert switched["recorded"] == [True, "legendonly"] * 3
@@ -238,6 +253,7 @@ def test_the_switch_shows_what_was_recorded_or_filtered_or_both(seen: dict[str, 
     assert switched["both"] == [True, True] * 3
 
 
+@pytest.mark.whole_way
 def test_the_report_that_a_page_saves_is_the_one_that_it_was_made_of(seen: dict[str, Any]) -> None:
     assert seen["alone"]["found"]["saved"] == to_json(LOGGED)
 
@@ -372,7 +388,7 @@ def a_sweep() -> str:
         {None: own, 150.0: "no mass: fewer rows than unknowns are left behind the low-pass", 200.0: own, 250.0: worse},
         shot="0001", rig="mixed", specification_kg=782.0, version="1", inputs=[], options={"cutoff_hz": None},
     )  # fmt: skip
-    return render_sweep_page(document, sweep_figures(document), "sweep_cutoff_hz.csv")
+    return render_results_page(document, sweep_figures(document))
 
 
 def an_index() -> str:
@@ -391,7 +407,7 @@ def an_index() -> str:
         },
     ]
     failed = [{"file": "shots/0004.h5", "error": "shots/0004.h5: the file was cut off: " + "expected more " * 9}]
-    return render_index_page(index_document(rows, version="1", failed=failed))
+    return render_results_page(index_document(rows, version="1", failed=failed))
 
 
 def looked_at(written: dict[str, Path], how: str, widths: tuple[int, ...], **settings: Any) -> dict[str, Any]:
@@ -452,6 +468,7 @@ def test_nothing_of_a_page_is_cut_off_at_any_width(
     assert found["scrolled"] == 0
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", KINDS)
 def test_nothing_of_a_page_is_cut_off_on_a_sheet(on_a_sheet: dict[str, Any], name: str) -> None:
     found = on_a_sheet[f"{name}-{SHEET_PX}"]["found"]
@@ -460,6 +477,7 @@ def test_nothing_of_a_page_is_cut_off_on_a_sheet(on_a_sheet: dict[str, Any], nam
     assert found["scrolled"] == 0
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", KINDS)
 @pytest.mark.parametrize("how", ["measured", "dark"])
 def test_every_text_stands_out_from_what_is_behind_it(how: str, name: str, request: pytest.FixtureRequest) -> None:
@@ -468,6 +486,7 @@ def test_every_text_stands_out_from_what_is_behind_it(how: str, name: str, reque
     assert found["page"] < 0.05 if how == "dark" else found["page"] > 0.8
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("width", [1400, 390])
 @pytest.mark.parametrize("name", [*DRAWN, "alone"])
 def test_a_page_in_a_frame_that_is_shut_in_shows_its_figures(shut_in: dict[str, Any], name: str, width: int) -> None:
@@ -483,21 +502,25 @@ def test_a_page_in_a_frame_that_is_shut_in_shows_its_figures(shut_in: dict[str, 
         assert "--standalone" in page["found"]["hint"]
 
 
+@pytest.mark.whole_way
 def test_an_index_needs_no_script_in_a_frame_that_is_shut_in(shut_in: dict[str, Any]) -> None:
     for width in (1400, 390):
         assert shut_in[f"index-{width}"]["errors"] == []
         assert shut_in[f"index-{width}"]["found"]["cut"] == []
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", DRAWN)
 def test_figures_stand_still_on_a_page_without_scripts(measured: dict[str, Any], name: str) -> None:
     assert measured[f"{name}-1024"]["found"]["still"] >= (1 if name in ("target", "sweep") else 2)
 
 
+@pytest.mark.whole_way
 def test_the_figure_of_the_mass_begins_on_the_first_screen(measured: dict[str, Any]) -> None:
     assert measured["shot-1400"]["found"]["mass"] < 700
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", KINDS)
 def test_what_is_printed_lies_within_its_sheets_and_nothing_is_left_out(
     written: dict[str, Path], name: str, tmp_path: Path

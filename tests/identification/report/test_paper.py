@@ -107,7 +107,7 @@ def test_nothing_in_it_runs_or_leads_elsewhere_and_its_fonts_are_in_it(pdf):
     assert all({"/FontFile", "/FontFile2", "/FontFile3"} & set(one) for one in fonts)
 
 
-@pytest.mark.whole_way
+@pytest.mark.indispensable("a page on paper")
 def test_the_report_is_embedded_byte_for_byte(pdf, pages, report, tmp_path):
     reader = read(pdf)
     assert list(reader.attachments) == ["report.json"]
@@ -118,10 +118,12 @@ def test_the_report_is_embedded_byte_for_byte(pdf, pages, report, tmp_path):
     assert file["/AFRelationship"] == "/Source"
 
 
+@pytest.mark.whole_way
 def test_it_has_the_same_bytes_when_it_is_made_again(pdf, report, figures):
     assert report_pdf(json.loads(json.dumps(report)), figures) == pdf
 
 
+@pytest.mark.whole_way
 def test_its_date_is_the_shots_and_of_a_shot_without_one_none_of_today(report):
     shot = report | {"started": "2026-11-20T09:12:44.120+01:00"}
     assert read(report_pdf(shot, [])).metadata.creation_date.isoformat() == "2026-11-20T08:12:44+00:00"
@@ -129,6 +131,7 @@ def test_its_date_is_the_shots_and_of_a_shot_without_one_none_of_today(report):
         assert read(report_pdf(report | {"started": unknown}, [])).metadata.creation_date.year == 1970
 
 
+@pytest.mark.whole_way
 def test_it_has_what_an_archive_asks_for_on_full_pages(pages, report, figures):
     assert 4 <= len(pages) <= 8
     for number, page in enumerate(pages, 1):
@@ -145,6 +148,7 @@ def test_it_has_what_an_archive_asks_for_on_full_pages(pages, report, figures):
     assert all(unbroken(row["source"]) in unbroken(whole) for row in report["budget"])
 
 
+@pytest.mark.whole_way
 def test_units_and_signs_are_those_of_the_page(pages):
     whole = " ".join(pages)
     assert "m/s²" in whole
@@ -152,6 +156,7 @@ def test_units_and_signs_are_those_of_the_page(pages):
     assert not re.search(r"(?<=\s)-\d", whole)
 
 
+@pytest.mark.whole_way
 def test_the_terms_of_its_texts_and_the_methods_in_its_tables_are_explained_at_its_end(pages):
     explained = unbroken(" ".join(pages[-2:]).partition("Terms")[2])
     for name in ("RPE", "reverse", "breech", "Eₙ", "F'", "Welch-Satterthwaite"):
@@ -164,6 +169,7 @@ def test_figures_are_vectors(pdf):
     assert "/Image" not in kinds
 
 
+@pytest.mark.whole_way
 def test_names_from_files_are_typeset_as_they_are_spelled_and_never_obeyed(report):
     evil = {
         "shot": HOSTILE, "rig": HOSTILE, "reasons": [HOSTILE, "x" * 5000], "notes": [HOSTILE], "valid": False,
@@ -205,6 +211,7 @@ def test_a_target_has_a_paper_copy_too():
     assert list(read(pdf).attachments) == ["stiffness.json"]
 
 
+@pytest.mark.whole_way
 def test_a_campaign_has_its_shots_and_only_the_charts_that_fired():
     campaign = combine(campaign_of((0.0, 120.0) * 4, seed=4).shots)
     document = campaign_document(campaign, version="1.2.3", inputs=[], parameters={})

@@ -156,6 +156,7 @@ def test_numbers_that_are_not_finite_are_null(tmp_path):
     json.loads(write_document(tmp_path, report).read_text(encoding="utf-8"), parse_constant=pytest.fail)
 
 
+@pytest.mark.whole_way
 def test_a_shot_of_one_clock_has_a_document_too():
     found = identify_shot(FiredShot(bench_shot(), bench_rig()), Options())
     report = report_document(bench_shot(), found, version="1", shot_file=SHOT_FILE)

@@ -453,6 +453,7 @@ def test_value_has_the_digits_of_its_uncertainty(value, u, expected):
     assert rounded(value, u) == expected
 
 
+@pytest.mark.whole_way
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e4))
 @settings(max_examples=200, deadline=None)
 def test_rounding_keeps_the_value_within_a_twentieth_of_the_uncertainty(value, u):
@@ -633,6 +634,7 @@ def test_outline_of_a_thinned_band_holds_every_limit():
     assert edge_y.size < 500
 
 
+@pytest.mark.whole_way
 def test_page_stays_small_however_much_was_recorded():
     x = np.arange(200_000) / 2e5
     panels = tuple(

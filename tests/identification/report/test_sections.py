@@ -27,6 +27,7 @@ def page_and_paper(report):
     return " ".join(PageElements(render_page(report, [])).text.split()), sheets
 
 
+@pytest.mark.whole_way
 def test_the_section_of_the_recipe_stands_on_page_and_paper(monkeypatch):
     section = recipe("report section")["ENERGY"]
     report = a_report(peaks={"impulse_n_s": 7604.0, "recoil_velocity_m_s": 8.5})

@@ -139,6 +139,7 @@ def any_figure(seed: int) -> Figure:
     return Figure("key", *said, panels, extent(), chance.choice(("linear", "log")), names)
 
 
+@pytest.mark.whole_way
 @given(st.integers(0, 2**32))
 @settings(max_examples=50)
 def test_any_figure_is_well_formed_and_within_its_drawing(seed):

@@ -112,6 +112,7 @@ def test_frames_are_in_the_scale_of_the_camera_and_on_its_clock():
     assert {START.name, ZERO.name} <= set(rows.unknowns)
 
 
+@pytest.mark.exhaustive
 def test_of_a_camera_and_an_accelerometer_that_contradict_one_another_the_less_certain_is_named():
     virtual = virtual_shot("field-2013")
     camera = virtual.shot.by_role("recoil_displacement")

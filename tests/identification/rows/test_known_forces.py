@@ -85,6 +85,7 @@ def test_an_impulse_that_agrees_makes_the_mass_surer_and_moves_it_little():
     assert abs(check.normalised_residual) < 2.0
 
 
+@pytest.mark.exhaustive
 def test_the_estimate_is_that_of_generalised_least_squares_with_one_more_observation():
     """The row and its prior are one observation of variance u^2 + sigma^2, beside all others and without an unknown."""
     calibration = identify(projectile(1.003)).route.calibration
@@ -112,6 +113,7 @@ def test_the_estimate_is_that_of_generalised_least_squares_with_one_more_observa
     assert inferred.u("ln mass") == pytest.approx(u[0], rel=2e-3)
 
 
+@pytest.mark.exhaustive
 def test_its_row_in_the_budget_is_what_moving_it_and_estimating_anew_gives():
     found = known()
     (row,) = (one for one in found.chosen.estimate.budget if one.source == SOURCE)
@@ -121,6 +123,7 @@ def test_its_row_in_the_budget_is_what_moving_it_and_estimating_anew_gives():
     assert row.sensitivity * row.u_source == pytest.approx((up - down) / 2, abs=0.02 * found.chosen.estimate.u_kg)
 
 
+@pytest.mark.exhaustive
 def test_a_gauge_that_reads_five_percent_low_is_told_by_the_declared_impulse_alone():
     """Its own scale is taken for unknown, so that nothing but the impulse says what it should read."""
     rig = knowing(projectile())
@@ -165,6 +168,7 @@ def test_a_known_load_tells_what_its_gauge_reads_wrong(channel, off):
     assert check.off_percent == pytest.approx(100.0 * (off - 1.0), abs=1e-6)
 
 
+@pytest.mark.exhaustive
 def test_a_recuperators_load_at_rest_is_read_from_the_shot():
     shot = plain().shot
     channel = shot.channels["p_recuperator"]
@@ -173,6 +177,7 @@ def test_a_recuperators_load_at_rest_is_read_from_the_shot():
     assert found.force_checks[0].off_percent == pytest.approx(0.2, abs=0.05)
 
 
+@pytest.mark.exhaustive
 def test_what_a_shot_lacks_is_left_out():
     found = known()
     route = found.route
@@ -215,6 +220,7 @@ def test_a_campaign_takes_the_muzzle_velocity_anew_in_each_shot_and_the_gas_once
     assert breech_u(16, own) == pytest.approx(breech_u(1, own) / 4.0, rel=0.06)
 
 
+@pytest.mark.exhaustive
 def test_what_a_rig_declares_is_one_rigs_in_all_campaigns() -> None:
     by_name = {one.name: dict(one.influences) for one in identify(uncertain(2.6, 0.1)).summary.parameters}
     (identity,) = by_name[SOURCE]
@@ -224,6 +230,7 @@ def test_what_a_rig_declares_is_one_rigs_in_all_campaigns() -> None:
     assert (found, found.kind) == (SOURCE, SourceKind.KNOWN_IMPULSE)
 
 
+@pytest.mark.exhaustive
 def test_the_summary_with_what_is_declared_is_the_shot() -> None:
     found = identify(uncertain(2.6, 0.1) + load("p_brake", 10.0, 0.02, 10.01))
     summary = found.summary

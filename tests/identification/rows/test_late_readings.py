@@ -79,6 +79,7 @@ def test_a_zero_that_moves_by_what_the_rig_says_is_in_the_uncertainty(role, size
     assert abs(by_zero) < found(role, size_pa).chosen.estimate.u_kg
 
 
+@pytest.mark.exhaustive
 def test_the_breech_gauge_tells_its_own_zero():
     apart = {}
     for name, one in (("moved", found("breech_pressure", 250e3)), ("not", sound())):
@@ -89,6 +90,7 @@ def test_the_breech_gauge_tells_its_own_zero():
     assert apart["moved"] - apart["not"] == pytest.approx(250e3, abs=15e3)
 
 
+@pytest.mark.exhaustive
 def test_who_does_not_solve_for_the_zero_takes_what_the_gauge_says_of_it():
     lacking = {}
     for name, one in (("moved", found("breech_pressure", 250e3)), ("not", sound())):
@@ -124,12 +126,14 @@ def test_where_no_reading_tells_the_zero_its_causes_stay_what_they_are():
     assert settled_by_late_readings((), one.route.signals, one.route.fitted.interval_s)[0] == ()
 
 
+@pytest.mark.exhaustive
 def test_a_zero_that_moves_far_beyond_what_the_rig_says_is_named():
     one = found("breech_pressure", 2.5e6)
     assert not one.valid
     assert any("breech_pressure zero" in reason and "contradicts" in reason for reason in one.reasons), one.reasons
 
 
+@pytest.mark.exhaustive
 def test_where_the_rig_says_that_none_moves_there_is_no_row_of_it():
     virtual = shot()
     one = identify_shot(FiredShot(virtual.shot, still(virtual)), Options())

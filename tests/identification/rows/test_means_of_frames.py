@@ -71,6 +71,7 @@ def seen_m(rows: CameraRows, values: dict[str, float], at: int) -> float:
     return float(travel + values["place before the shot"] + late_s * rows.velocity_m_s[at] + bent)
 
 
+@pytest.mark.exhaustive
 @given(st.integers(0, 2**32 - 1), FEW, FEW)
 def test_a_row_is_what_the_equation_leaves_of_it_and_a_derivative_what_a_small_step_does(seed, shifts, causes):
     rng = np.random.default_rng(seed)

@@ -193,6 +193,7 @@ def deviation(sizes: np.ndarray, at: np.ndarray) -> float:
     return float(np.sqrt(np.mean(REST_M_S2**2 + (parts().shapes[rows()][at] ** 2) @ sizes**2)))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("part", range(5), ids=["white", "with the acceleration", "with the velocity", "short", "long"])
 def test_noise_of_a_part_is_recovered_where_it_is_loud_and_where_it_is_not(part: int) -> None:
     true = np.zeros(5)

@@ -60,6 +60,7 @@ def test_the_baselines_noise_is_what_the_filter_leaves_of_it():
     np.testing.assert_array_equal(one.sigma_m_s2, one.rest_m_s2)
 
 
+@pytest.mark.exhaustive
 def test_rows_as_far_apart_as_they_are_taken_have_errors_of_their_own():
     errors = [
         (noisy(seed).acceleration_m_s2 - noisy(seed, 0.0).acceleration_m_s2)[spaced_rows(noisy(seed))]

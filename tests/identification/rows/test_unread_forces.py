@@ -190,6 +190,7 @@ def test_slide_friction_is_found_with_its_sign() -> None:
     assert found.estimate.mass_kg == pytest.approx(MASS_KG, rel=1e-4)
 
 
+@pytest.mark.exhaustive
 def test_a_resistance_that_changes_over_the_travel_is_found_by_its_shapes() -> None:
     m = mechanism(unread_force=0.003)
     travel_m = travelled()[0]

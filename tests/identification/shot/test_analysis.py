@@ -78,6 +78,7 @@ def test_frischs_bracket_is_about_the_mass_that_it_stands_beside():
     assert published[1] == pytest.approx(low, rel=0.01)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(("method", "beside"), [("calibrated", "calibrated"), ("paper", "reverse")])
 def test_the_test_on_bias_is_about_the_signals_of_the_mass_that_it_stands_beside(method, beside):
     virtual = virtual_shot("field-2013")
@@ -89,6 +90,7 @@ def test_the_test_on_bias_is_about_the_signals_of_the_mass_that_it_stands_beside
     assert found.endogeneity.plain_kg == pytest.approx(found.results["paper"].estimate.mass_kg, rel=2e-3)
 
 
+@pytest.mark.whole_way
 def test_a_method_without_a_mass_over_time_has_no_rpe():
     virtual = virtual_shot("field-2013")
     found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method="tls"))
@@ -132,6 +134,7 @@ def test_the_budget_of_every_method_is_complete_and_named_once(name):
     assert "camera scale" in [row.source for row in found.results["kinematic"].estimate.budget]
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("method", METHODS)
 def test_the_chosen_method_gives_the_mass_and_the_rest_is_there_too(method):
     virtual = virtual_shot()
@@ -144,6 +147,7 @@ def test_the_chosen_method_gives_the_mass_and_the_rest_is_there_too(method):
 # ---- what makes a result not valid
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("name", "factor", "sensor"),
     [("p_breech", 1.03, "breech_pressure"), ("p_breech", 0.97, "breech_pressure"), ("p_brake", 0.95, "brake_pressure")],
@@ -172,6 +176,7 @@ def swapped(rig: Rig, one: str, other: str) -> Rig:
     return parse_rig(text, rig.path, rig.databases)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("one", "other"),
     [("bore_area", "brake_area"), ("bore_area", "recuperator_area"), ("brake_area", "recuperator_area")],
@@ -199,6 +204,7 @@ def test_every_failed_check_and_every_doubtful_clock_is_one_reason():
     assert "kinematic" not in found.results
 
 
+@pytest.mark.whole_way
 def test_a_shot_of_which_little_can_be_identified_is_not_valid():
     virtual = virtual_shot()
     noise = np.random.default_rng(1).normal(0.0, 400.0, virtual.shot.channels["acc_recoil"].samples.size)
@@ -207,6 +213,7 @@ def test_a_shot_of_which_little_can_be_identified_is_not_valid():
     assert any(r.startswith("only ") and "could be identified" in r for r in found.reasons)
 
 
+@pytest.mark.whole_way
 def test_without_a_baseline_the_result_is_not_valid():
     motion = bench_motion()
     shot = bench_shot()
@@ -235,6 +242,7 @@ def test_a_recuperator_gauge_that_loses_the_pressure_at_rest_is_refused_as_valid
 CARRIAGE = ["carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate"]
 
 
+@pytest.mark.whole_way
 def test_a_rig_without_carriage_sensors_and_camera_says_what_is_not_measured():
     found = identify_shot(FiredShot(bench_shot(), bench_rig()), Options())
     assert found.valid
@@ -243,6 +251,7 @@ def test_a_rig_without_carriage_sensors_and_camera_says_what_is_not_measured():
     assert found.notes == ()
 
 
+@pytest.mark.whole_way
 def test_a_carriage_sensor_that_the_shot_lacks_is_noted():
     shot, rig = bench_shot(), bench_rig()
     less = parse_rig(
@@ -420,6 +429,7 @@ def test_the_cutoff_by_the_spectra_is_lowered_for_the_slowest_force():
     )
 
 
+@pytest.mark.whole_way
 def test_what_did_not_settle_is_not_valid(monkeypatch):
     virtual = virtual_shot()
     never = partial(solve, most_steps=0)

@@ -42,6 +42,7 @@ def test_what_it_takes_off_is_taken_off_the_mass() -> None:
     assert -0.003 < (taken_off - without) / without < -0.0005
 
 
+@pytest.mark.whole_way
 def test_it_has_a_row_of_its_own_that_is_as_large_as_a_gauge_as_uncertain() -> None:
     rows = {row.source: row for row in identified(0.0, U_SHARE).chosen.estimate.budget}
     gauge = rows["breech_pressure sensitivity and area"]
@@ -50,6 +51,7 @@ def test_it_has_a_row_of_its_own_that_is_as_large_as_a_gauge_as_uncertain() -> N
     assert identified(0.0, U_SHARE).chosen.estimate.u_kg > identified(0.0, 0.0).chosen.estimate.u_kg
 
 
+@pytest.mark.whole_way
 def test_shots_of_a_rig_share_it() -> None:
     summary = identified(0.0, U_SHARE).summary
     assert summary is not None

@@ -62,6 +62,7 @@ def test_the_mass_is_found_within_its_uncertainty(name):
     assert found.valid, found.reasons
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", RIGS)
 def test_the_residual_that_is_stated_is_what_mass_and_forces_leave_of_the_filtered_acceleration(name):
     found = identified(name)
@@ -70,6 +71,7 @@ def test_the_residual_that_is_stated_is_what_mass_and_forces_leave_of_the_filter
     assert found.chosen.estimate.residual_m_s2 == pytest.approx(np.sqrt(np.mean(left_m_s2**2)), rel=0.05)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", RIGS)
 def test_the_clock_is_found_by_track_and_forces(name):
     found, true = identified(name), tracked_shot(name).truth["clocks"]["camera"]
@@ -103,12 +105,14 @@ def test_the_budget_is_complete_and_named_once(name):
     assert ("alignment of clock can" in sources) == (name == "mixed")
 
 
+@pytest.mark.whole_way
 def test_the_mass_over_time_holds_the_truth():
     trace, truth = identified().chosen.trace, tracked_shot().truth["m3"]
     assert trace.share > 0.6
     assert np.mean(np.abs(trace.mass_kg - truth)[trace.identified] < 1.96 * trace.u_kg[trace.identified]) > 0.85
 
 
+@pytest.mark.whole_way
 def test_what_an_accelerometer_would_check_is_said_not_to_be_checked():
     found = identified()
     assert found.route.zero_shift is found.route.skew is found.peaks is None

@@ -27,6 +27,7 @@ def test_peaks_are_those_of_what_was_fired():
     assert peaks["recoil_velocity_m_s"] > peaks["recoil_travel_m"] / peaks["recoil_time_s"]
 
 
+@pytest.mark.whole_way
 def test_of_a_clipped_channel_no_peak_is_claimed():
     virtual = virtual_shot("field-2013")
     breech = virtual.shot.channels["p_breech"]

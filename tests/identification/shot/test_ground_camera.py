@@ -53,12 +53,14 @@ def test_the_travel_of_the_report_is_that_along_the_bore(accelerometer):
     assert abs(np.nanmax(route.camera.samples) - virtual.truth["stroke_m"]) > 8e-3
 
 
+@pytest.mark.whole_way
 def test_the_kinematic_route_takes_the_ground_for_what_it_is():
     _, identified = found("field-2013", True, True)
     kinematic = identified.results["kinematic"].estimate
     assert abs(kinematic.mass_kg / identified.results["calibrated"].estimate.mass_kg - 1.0) < 0.01
 
 
+@pytest.mark.whole_way
 def test_it_needs_a_gyro_and_no_accelerometers_on_the_carriage():
     virtual, identified = found("field-2013", True, True)
     signals = identified.route.signals

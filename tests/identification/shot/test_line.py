@@ -55,6 +55,7 @@ def test_a_record_that_begins_in_motion_is_valid_and_says_what_was_taken_for_its
     assert {SLIDE, SHARE} <= {row.source for row in result.chosen.estimate.budget}
 
 
+@pytest.mark.whole_way
 def test_frictions_that_are_off_are_found() -> None:
     declared = BODY.fired(*ALL, friction=14.0, slide_friction=150.0)
     calibration = found(declared, 20.0).route.calibration
@@ -87,6 +88,7 @@ def test_without_a_rest_and_a_speed_no_friction_has_a_direction() -> None:
         found(BODY.fired("driving_force", "resisting_force", "recoil_acceleration"))
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("inclination_rad", [math.pi / 2, -0.3])
 def test_gravity_stands_on_neither_side_whatever_tells_the_motion(inclination_rad: float) -> None:
     body = replace(BODY, inclination_rad=inclination_rad)
@@ -95,15 +97,18 @@ def test_gravity_stands_on_neither_side_whatever_tells_the_motion(inclination_ra
         assert abs(mass.mass_kg - body.mass_kg) < 2.0 * mass.u_kg, roles
 
 
+@pytest.mark.whole_way
 def test_the_mass_does_not_change_under_a_time_shift() -> None:
     assert mass_kg(replace(BODY, start_s=1234.5).fired(*ALL)) == pytest.approx(mass_kg(BODY.fired(*ALL)), rel=1e-6)
 
 
+@pytest.mark.whole_way
 def test_the_mass_does_not_change_when_the_line_is_looked_at_from_its_other_end() -> None:
     other = {role: -one for role, one in BODY.readings().items()}
     assert mass_kg(BODY.fired(*ALL, readings=other)) == pytest.approx(mass_kg(BODY.fired(*ALL)), rel=1e-6)
 
 
+@pytest.mark.whole_way
 def test_forces_of_the_same_sign_add() -> None:
     read = BODY.readings()
     halves = read | {"driving_force": 0.5 * read["driving_force"], "driving_force_2": 0.5 * read["driving_force"]}
@@ -114,6 +119,7 @@ def test_forces_of_the_same_sign_add() -> None:
     assert result.chosen.estimate.u_kg < 0.9 * found(BODY.fired(*ALL), 20.0).chosen.estimate.u_kg
 
 
+@pytest.mark.whole_way
 def test_grams_are_as_good_as_kilogrammes() -> None:
     share = 1e-4
     small = replace(BODY, mass_kg=share * BODY.mass_kg, friction_n=share * 20.0, slide_n_s_m=share * 200.0)
@@ -122,6 +128,7 @@ def test_grams_are_as_good_as_kilogrammes() -> None:
     assert mass_kg(small.fired(*ALL, readings=scaled)) == pytest.approx(share * mass_kg(BODY.fired(*ALL)), rel=1e-4)
 
 
+@pytest.mark.whole_way
 def test_a_blow_of_a_millisecond_has_the_band_of_its_force_and_rows_enough() -> None:
     blow = sled_outcome(9001, {}, hammer())
     filtered = blow.found.route.filtered

@@ -31,6 +31,7 @@ def identified_with(inject: Injected) -> Identification:
     return identify_shot(FiredShot(replace(shot, alignments=alignments, quality=quality), virtual.rig), Options())
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("role", ["breech_pressure", "recuperator_pressure"])
 def test_a_pressure_that_froze_through_the_pulse_names_what_was_lost_first(role: str) -> None:
     found = identified_with(frozen(role, 0.010))
@@ -42,6 +43,7 @@ def test_a_pressure_that_froze_through_the_pulse_names_what_was_lost_first(role:
     assert low < virtual_shot().truth["m3"] < high
 
 
+@pytest.mark.whole_way
 def test_two_milliseconds_lost_of_the_pulse_cost_precision_and_not_the_result() -> None:
     found = identified_with(lost("recoil_acceleration", 0.002))
     low, high = found.chosen.estimate.interval_kg
@@ -49,11 +51,13 @@ def test_two_milliseconds_lost_of_the_pulse_cost_precision_and_not_the_result() 
     assert low < virtual_shot().truth["m3"] < high
 
 
+@pytest.mark.whole_way
 def test_samples_held_at_the_beginning_of_a_record_do_not_stop_the_alignment() -> None:
     # a late channel repeats its first sample there, which counts as held
     assert identified_with(late("carriage_acceleration_x", 2e-4)).alignments["camera"].status == "ok"
 
 
+@pytest.mark.whole_way
 def test_a_wrong_gain_is_told_by_as_much_as_the_other_sensors_say() -> None:
     found = identified_with(scaled("breech_pressure", 1.05))
     doubted = [reason for reason in found.reasons if reason.startswith("breech_pressure")]

@@ -97,6 +97,7 @@ def test_a_record_that_is_too_slow_says_so_in_a_line(rate_hz):
         identify_shot(averaged(rate_hz), Options())
 
 
+@pytest.mark.whole_way
 def test_a_cutoff_of_a_campaign_that_a_slow_shot_does_not_allow_is_its_own():
     virtual = virtual_shot(**SLOW)
     found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options())

@@ -47,6 +47,7 @@ def test_every_kind_of_row_is_as_uncertain_as_it_says(left: Mapping[str, Residua
         assert LEAST * low <= one.mean_square <= MOST * high, (kind, one.mean_square, one.freedom)
 
 
+@pytest.mark.whole_way
 def test_what_is_left_has_no_sign(left: Mapping[str, Residuals]):
     for kind, one in left.items():
         assert abs(one.mean) < 4.5 / np.sqrt(one.left.size), (kind, one.mean, one.left.size)

@@ -339,6 +339,7 @@ def test_a_fault_is_found_by_its_own_check_and_by_no_other_without_reason(one):
     assert not rest, [c for c in found if c.check in rest and c.verdict != "ok"]
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", ["acc_recoil", "p_breech", "p_brake", "acc_carriage_x", "gyro_tipping", "x_camera"])
 @pytest.mark.parametrize("value", [np.inf, np.nan])
 def test_samples_that_are_no_number_are_told_and_stop_nothing(name, value):

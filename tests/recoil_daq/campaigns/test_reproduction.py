@@ -163,6 +163,17 @@ def test_something_else_in_the_place_of_a_value_is_no_exception(
     assert result.exit_code in (1, 3)
 
 
+def test_an_answer_that_is_nested_too_deeply_is_told_in_a_line(done: Path, run: Callable[..., Any]) -> None:
+    path = done / "campaign" / "campaign.json"
+    document = json.loads(path.read_text("utf-8"))
+    deep = "[" * 900 + "]" * 900
+    path.write_text(json.dumps({**document, "deep": 7}).replace('"deep": 7', f'"deep": {deep}'), encoding="utf-8")
+    result = run("explain", path)
+    assert result.exit_code == 3, result.exception
+    (line,) = result.stderr.splitlines()
+    assert "more than 32 levels" in line
+
+
 @pytest.mark.whole_way
 @pytest.mark.parametrize("place", [".", "shots", "campaign"])
 def test_a_campaign_finds_its_shot_log_beside_it(tmp_path: Path, place: str) -> None:

@@ -21,7 +21,7 @@ from recoil_daq.reports import shot_index
 from recoil_daq.reports.shot_index import index_shots
 from recoil_identification.report import spreadsheet
 from recoil_identification.report.report_files import json_bytes, sealed
-from recoil_identification.report.shot_index import index_rows
+from recoil_identification.report.shot_index import INDEX
 from tests.builders.page_elements import PageElements
 from tests.recoil_daq.conftest import Identified
 
@@ -203,7 +203,7 @@ def test_a_mass_that_deviates_is_called_so_on_the_page_as_by_identify(run: Run, 
     like(day, "0002", E_n=-1.07)
     like(day, "0003", E_n=2.0, valid=False, reasons=["a reason"])
     done = run("index", day, "--out", day / "index")
-    words = {one["shot"]: one["verdict"] for one in index_rows(index_shots([day], out=day / "other").document)}
+    words = {one["shot"]: one["verdict"] for one in INDEX.worded(index_shots([day], out=day / "other").document)}
     assert words == {"0001": "valid", "0002": "valid, deviates", "0003": "not valid"}
     assert done.stdout.count("VALID, deviates") == 1
     assert "2 valid, 1 not valid, 0 without a report" in " ".join(done.stdout.split())

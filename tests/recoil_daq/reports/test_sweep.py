@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,10 @@ import pytest
 from typer.testing import Result
 
 from recoil_acquisition.errors import StoreError
-from recoil_daq.reports.sweep import MOST_VALUES, Sweep, Swept, sweep_shot
-from recoil_identification.report.html import render_sweep_page
+from recoil_daq.reports.sweep import MOST_VALUES, Sweep, Swept, sweep_shot, sweeps_again
+from recoil_identification.report.html import render_results_page
 from recoil_identification.report.report_files import seal_fault
-from recoil_identification.report.sweep import CELLS, sweep_document, sweep_figures
+from recoil_identification.report.sweep import SWEEP, sweep_document, sweep_figures
 from recoil_identification.shot.identified import Options
 from tests.builders.page_elements import PageElements
 from tests.recoil_daq.conftest import Identified
@@ -78,6 +79,11 @@ def test_page_table_and_json_say_the_same(swept: Swept) -> None:
     assert document["detail"].split(":")[0] in PageElements(page).text
     assert 'class="still"' in page  # the figure without scripts
     assert 'class="verdict"' in page
+    values = [f"{value:g} Hz" for value in swept.rows["value"].dropna()]
+    assert [value for value in values if value not in PageElements(page).text] == []
+    *table, said, place = str(swept).splitlines()
+    assert [line[:6].strip() for line in table[-len(values) :]] == values
+    assert (said, place) == (document["detail"], f"-> {swept.page}")
 
 
 @pytest.mark.parametrize("change", [{"moves": True}, {"moves": None}, {"own": {"valid": False}}])
@@ -86,7 +92,7 @@ def test_a_sweep_that_moves_the_mass_or_is_of_none_that_is_valid_is_not_green(
 ) -> None:
     document = swept.document | change
     document["own"] = swept.document["own"] | change.get("own", {})
-    page = render_sweep_page(document, sweep_figures(document), "sweep.csv")
+    page = render_results_page(document, sweep_figures(document))
     assert 'class="verdict doubt"' in page
 
 
@@ -153,7 +159,7 @@ def test_a_sweep_is_of_one_shot_and_goes_alone(run: Run, stored: Path, tmp_path:
 
 
 def row_of(mass_kg: float) -> dict[str, Any]:
-    return {**dict.fromkeys(CELLS), "mass_kg": mass_kg, "u_kg": 2.0, "valid": True}
+    return {**dict.fromkeys(SWEEP.cells), "mass_kg": mass_kg, "u_kg": 2.0, "valid": True}
 
 
 @pytest.mark.parametrize(("mass_kg", "moves"), [(101.9, False), (102.1, True), (97.9, True), (98.1, False)])
@@ -167,3 +173,29 @@ def test_the_mass_moves_where_it_is_off_by_more_than_its_u(mass_kg: float, moves
     assert document["at"] == 300.0
     assert ("by more than u" in document["detail"]) is moves
     assert "1 of 3" in document["detail"]
+
+
+@pytest.mark.parametrize("ending", ["html", "csv", "json"])
+def test_a_sweep_beside_a_report_is_drawn_again_and_a_changed_byte_is_told(
+    swept: Swept, tmp_path: Path, ending: str
+) -> None:
+    folder = tmp_path / "0001"
+    shutil.copytree(swept.folder, folder)
+    found, names = sweeps_again(folder)
+    assert found.again
+    assert set(found.drawings) == {"sweep_cutoff_hz.csv", "sweep_cutoff_hz.html"}
+    assert names == {path.name for path in folder.iterdir()}
+    path = folder / f"sweep_cutoff_hz.{ending}"
+    path.write_text(path.read_text("utf-8").replace("250.0" if ending != "html" else "250 Hz", "251.0"), "utf-8")
+    found, _ = sweeps_again(folder)
+    assert not found.again
+    assert any(path.name in one.key for one in found.differences)
+    (folder / "sweep_cutoff_hz.html").unlink()
+    assert "sweep_cutoff_hz.html" in [one.key for one in sweeps_again(folder)[0].differences]
+
+
+def test_what_is_no_sweep_is_named_as_not_compared(swept: Swept, tmp_path: Path) -> None:
+    (tmp_path / "sweep_cutoff_hz.json").write_text(json.dumps({**swept.document, "rows": 7}), "utf-8")
+    found, _ = sweeps_again(tmp_path)
+    assert found.again
+    assert [one.file for one in found.not_compared] == ["sweep_cutoff_hz.json"]

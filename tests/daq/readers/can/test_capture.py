@@ -47,6 +47,7 @@ def test_a_can_capture_keeps_every_rule_of_readers(rule: Callable[[Case, Path], 
     rule(CASE, tmp_path)
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(flips=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=8))
 def test_flipped_bytes_of_a_capture_are_refused_or_read(tmp_path: Path, flips: list[tuple[float, int]]) -> None:

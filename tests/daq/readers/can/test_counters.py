@@ -50,6 +50,7 @@ def candump(folder: Path, entries: list[build.CanEntry], *counters: str) -> Reco
     return CANDUMP.open(path, Declarations("can", database=DBC, counters=counters))
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(first=st.integers(0, 255), runs=st.lists(st.tuples(st.integers(1, 40), st.integers(1, 126)), max_size=8))
 def test_every_missing_message_is_counted_over_the_wraps(

@@ -195,6 +195,7 @@ def test_a_length_that_no_bus_has_is_refused_before_its_bits_are_listed(text: st
         load_database(text, Path("a.log"))
 
 
+@pytest.mark.exhaustive
 def test_a_database_that_would_be_parsed_for_minutes_is_refused_at_once() -> None:
     text = DBC + "".join(f'VAL_ 291 s {k} "";\n' for k in range(270_000))
     with pytest.raises(ReadError, match=r"1[67].{5} names, numbers and signs, where 1600000 are the most"):

@@ -278,6 +278,7 @@ def test_members_of_a_compressed_log_may_lie_in_any_part_of_it(
     monkeypatch.undo()
 
 
+@pytest.mark.exhaustive
 def test_a_compressed_log_of_many_members_takes_time_by_its_size(tmp_path: Path) -> None:
     lines = [b"%d,1.5,2.5\n" % i for i in range(40_000)]
     members = [gzip.compress(line, 1, mtime=0) for line in lines]
@@ -290,6 +291,7 @@ def test_a_compressed_log_of_many_members_takes_time_by_its_size(tmp_path: Path)
     assert took_s[1] < 9 * took_s[0] + 0.2
 
 
+@pytest.mark.exhaustive
 def test_compressed_logs_that_are_damaged_or_grow_without_bound_are_refused(tmp_path: Path) -> None:
     content = bytearray(gzip.compress(candump_log(ENTRIES)))
     content[-6] ^= 1

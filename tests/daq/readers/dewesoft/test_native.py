@@ -65,6 +65,7 @@ def test_a_real_recording_has_the_counts_that_its_library_states(drive: Recordin
     assert len(drive.metadata["setup_sha256"]) == 64
 
 
+@pytest.mark.exhaustive
 def test_each_channel_that_the_library_refuses_is_named(drive: Recording) -> None:
     refused = [note for note in drive.notes if "CAN" in note]
     assert len(refused) == 12
@@ -76,6 +77,7 @@ OF_DAMAGED_FILES = (rules.a_cut_file_is_refused_or_shorter_with_a_note, rules.fl
 """They take hundreds of files, and the library a process for each; some are tried below."""
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "rule",
     [rule for rule in rules.RULES if rule not in OF_DAMAGED_FILES],
@@ -86,6 +88,7 @@ def test_a_real_recording_keeps(rule: Callable[[rules.Case, Path], None], drive:
     rule(OpenedOnce("dewesoft", READER, drive.path.read_bytes(), DECLARED, magnitudes), tmp_path)
 
 
+@pytest.mark.exhaustive
 def test_exactly_one_reader_claims_a_real_recording(drive: Recording) -> None:
     assert recognise(drive.path).name == READER.name
     assert READER.name in {reader.name for reader in READERS}
@@ -101,6 +104,7 @@ def opened_or_refused(path: Path, content: bytes) -> Recording | None:
     return None
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("share", [0.005, 0.9999])
 def test_a_real_recording_that_was_cut_is_refused_or_shorter(
     share: float, drive: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -277,6 +277,7 @@ def conversions(draw: st.DrawFn) -> dict[str, Any]:
     return {**raw, **{f"phys_{i}": draw(NUMBERS) for i in range(len(keys))}, "interpolation": kind == "interpolated"}
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(conversion=conversions(), kind=st.sampled_from(["u1", "i2", "u4", "i8", "f8"]), seed=st.integers(0, 99))
 def test_conversions_to_numbers_are_those_of_asammdf(

@@ -154,6 +154,7 @@ def bytes_of(content: bytes) -> np.ndarray:
     return np.frombuffer(content, np.uint8)
 
 
+@pytest.mark.exhaustive
 @given(RUNS, st.integers(0, 8))
 def test_every_record_is_found_once_and_one_that_is_not_whole_is_left(runs, cut: int) -> None:
     records = [record for several, times in runs for record in several * times]

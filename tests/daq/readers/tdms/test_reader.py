@@ -241,6 +241,7 @@ def test_a_second_recording_is_at_its_own_time(tmp_path: Path) -> None:
     assert any("a second recording begins at 2024-03-01T10:00:10.000000" in note for note in recording.notes)
 
 
+@pytest.mark.exhaustive
 def test_a_start_that_is_stated_a_thousand_times_takes_no_time(tmp_path: Path) -> None:
     begin = time.process_time()
     recording = opened(tmp_path, restarted(*(n * 1e-3 for n in range(3000)), count=1))

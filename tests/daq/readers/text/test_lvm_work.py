@@ -52,6 +52,7 @@ def taken_s(content: bytes, folder: Path) -> float:
     return min(taken)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "write",
     [

@@ -73,6 +73,7 @@ def text_file(text: str) -> TextFile:
     return TextFile(Path("x.csv"), text.encode(), "utf-8")
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=100)
 @given(
     rows=st.lists(

@@ -81,6 +81,7 @@ CELLS = st.sampled_from(
 )
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     rows=st.lists(st.lists(CELLS, min_size=1, max_size=4), min_size=1, max_size=5), ending=st.sampled_from(["", "\n"])
@@ -196,6 +197,7 @@ def test_it_claims_nothing_and_is_not_in_the_table() -> None:
     assert all(reader.name != READER.name for reader in READERS)
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(flips=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=6))
 def test_flipped_bytes_never_give_another_exception(tmp_path: Path, flips: list[tuple[float, int]]) -> None:

@@ -187,6 +187,7 @@ def test_a_mark_with_noise_that_is_held_is_told_though_another_has_none() -> Non
 # ---- markers of lost frames
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=60, deadline=None)
 @given(
     seed=st.integers(0, 10**6),
@@ -210,6 +211,7 @@ def test_a_marker_of_lost_frames_is_named_with_its_value_and_count(
     assert f"declare `lost = [{marker[0]:.9g}" in notes(a=positions)
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 10**6), step=st.sampled_from([1e-6, 0.01, 0.5]), jump=st.integers(0, COUNT - 1))
 def test_a_sound_track_has_no_marker(seed: int, step: float, jump: int) -> None:

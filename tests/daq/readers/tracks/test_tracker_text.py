@@ -38,6 +38,7 @@ def test_one_track_is_read_with_its_lost_steps(separator: str, tmp_path: Path) -
     assert recording.metadata["frame_rate_hz"] == 500.0
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     lines=st.lists(st.text("  a1.µ", max_size=20) | st.text("  a;\t", max_size=12), min_size=2, max_size=40),

@@ -34,6 +34,7 @@ def test_other_orders_widen_the_interval_by_their_rectangular_distribution():
     assert found.u_orders_kg == pytest.approx((max(masses) - min(masses)) / 2 / np.sqrt(3))
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("orders", [ArxOrders(), ArxOrders(1, 1), ArxOrders(3, 3)])
 def test_the_interval_by_the_residuals_holds_the_mass_as_often_as_stated(orders):
     held = 0
@@ -44,6 +45,7 @@ def test_the_interval_by_the_residuals_holds_the_mass_as_often_as_stated(orders)
     assert held / 200 > 0.91
 
 
+@pytest.mark.whole_way
 def test_correlated_errors_are_allowed_for():
     plain = robust = 0
     for seed in range(200):

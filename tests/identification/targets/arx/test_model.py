@@ -117,6 +117,7 @@ def test_the_robust_covariance_covers_where_the_ordinary_one_does_not():
     assert robust > ordinary + 15
 
 
+@pytest.mark.whole_way
 def test_known_systems_lie_within_their_stated_intervals_as_often_as_stated():
     inside = np.zeros(4)
     joint = 0

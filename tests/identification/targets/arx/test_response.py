@@ -120,6 +120,7 @@ def test_the_gain_scales_with_the_signals_and_the_poles_do_not(log_u, log_y, see
     np.testing.assert_allclose(np.abs(poles(scaled).values), np.abs(poles(one).values), rtol=1e-6)
 
 
+@pytest.mark.whole_way
 def test_the_bands_hold_the_truth_as_often_as_stated():
     f = np.array([0.0, 0.1, 0.3])
     truth = frequency_response(ArxModel(ORDERS, TRUE, np.zeros((4, 4)), 1.0, 100), f)

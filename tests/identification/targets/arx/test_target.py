@@ -23,6 +23,7 @@ def found(name: str = "field-2013", seed: int = 3) -> Finding:
     return find(Case(FiredShot(virtual.shot, virtual.rig)))
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(("name", "seed"), SHOTS)
 def test_the_intervals_hold_the_true_mass(name, seed):
     one, true = found(name, seed), virtual_shot(name, seed).truth["m3"]
@@ -32,6 +33,7 @@ def test_the_intervals_hold_the_true_mass(name, seed):
     assert 3.0 < one.quantity("m_dc").u < 9.0
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(("name", "seed"), SHOTS)
 def test_the_chosen_model_leaves_nothing_behind(name, seed):
     parameters = found(name, seed).parameters
@@ -41,6 +43,7 @@ def test_the_chosen_model_leaves_nothing_behind(name, seed):
     assert parameters["delay"] == 0
 
 
+@pytest.mark.whole_way
 def test_the_gain_is_one_over_the_mass():
     one = found()
     gain, mass = one.quantity("G_dc"), one.quantity("m_dc")
@@ -49,6 +52,7 @@ def test_the_gain_is_one_over_the_mass():
     assert gain.expected == pytest.approx(1.0 / mass.expected)
 
 
+@pytest.mark.whole_way
 def test_the_simulated_series_is_the_measured_one_but_for_the_noise():
     one = found()
     columns = one.series.columns
@@ -74,6 +78,7 @@ def test_the_page_has_its_tables_and_figures():
         assert drawing(figure)["data"]
 
 
+@pytest.mark.whole_way
 def test_the_mass_owes_the_shots_mass_nothing_and_says_why_both_differ():
     virtual = virtual_shot()
     breech = virtual.shot.channels["p_breech"]
@@ -87,6 +92,7 @@ def test_the_mass_owes_the_shots_mass_nothing_and_says_why_both_differ():
     assert note.startswith("m_dc differs by ")
 
 
+@pytest.mark.whole_way
 def test_lost_samples_leave_rows_out_and_the_mass_in_its_interval():
     virtual = virtual_shot()
     one = found()

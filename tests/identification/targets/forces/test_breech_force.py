@@ -46,6 +46,7 @@ def test_the_force_over_time_lies_within_its_band(name):
         assert np.sqrt(np.mean((columns[method] - truth)[free] ** 2)) < 0.02 * truth.max()
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", RIGS)
 def test_peak_and_impulse_of_both_methods_are_those_of_the_shot(name):
     _, finding = found(name)
@@ -96,6 +97,7 @@ def test_a_gauge_that_reads_a_tenth_high_and_a_check_that_failed_are_reasons():
     assert [one.about for one in finding.reasons if "all lost" in one] == ["acc_carriage_x"]
 
 
+@pytest.mark.whole_way
 def test_figures_draw_and_a_shot_without_resistance_is_refused():
     virtual, finding = found("field-2013")
     assert [figure.key for figure in finding.figures] == ["breech-force", "breech-pressure", "breech-force-parts"]

@@ -37,6 +37,7 @@ def true_force(part: DrivenPart, times_s: np.ndarray) -> np.ndarray:
     return np.interp(times_s, part.measured.times_s, part.force_n)
 
 
+@pytest.mark.whole_way
 def test_the_force_is_found_beneath_stress_waves_of_a_seventh_of_it():
     part, found = estimated()
     truth = true_force(part, found.times_s)
@@ -49,6 +50,7 @@ def test_the_force_is_found_beneath_stress_waves_of_a_seventh_of_it():
     assert np.max(np.abs(found.stress_waves_n)) > 50e3
 
 
+@pytest.mark.whole_way
 def test_peak_and_impulse_lie_within_their_intervals():
     part, found = estimated()
     truth = true_force(part, found.times_s)

@@ -34,7 +34,7 @@ def truth():
     return motion.times_s, forces, recoil
 
 
-@pytest.mark.whole_way
+@pytest.mark.indispensable("inertia force")
 @pytest.mark.parametrize("name", FORCES)
 def test_a_peak_lies_within_its_interval(found, truth, name):
     _, forces, recoil = truth
@@ -45,6 +45,7 @@ def test_a_peak_lies_within_its_interval(found, truth, name):
     assert q.u < 0.07 * abs(true)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", FORCES)
 def test_the_band_over_time_holds_the_true_force(found, truth, name):
     times, forces, recoil = truth
@@ -58,6 +59,7 @@ def test_the_band_over_time_holds_the_true_force(found, truth, name):
     assert np.mean(miss <= 1.96 * u) > 0.85
 
 
+@pytest.mark.whole_way
 def test_inertia_and_gauges_agree(found):
     assert found.valid
     assert found.parameters["agreement_with_gauges"] > 0.75
@@ -65,6 +67,7 @@ def test_inertia_and_gauges_agree(found):
     assert np.nanmax(np.abs(difference)) < 0.03 * abs(found.quantity("peak_bore").value)
 
 
+@pytest.mark.whole_way
 def test_its_mass_is_set_beside_the_shots(found):
     (note,) = [note for note in found.notes if "off the mass of the shot" in note]
     assert note.startswith(f"m3 {found.quantity('m3').value:.1f} kg (u ")

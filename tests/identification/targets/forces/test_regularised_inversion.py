@@ -44,6 +44,7 @@ def test_the_weight_by_cross_validation_predicts_nearly_as_well_as_the_best_one(
     assert max(apart) < 4.0
 
 
+@pytest.mark.whole_way
 def test_the_stated_intervals_hold_the_truth_on_the_average():
     truth, inside = smooth_truth(120), []
     for seed in range(20):

@@ -27,6 +27,7 @@ def with_cells():
     return find(Case(FiredShot(weighed.shot, weighed.rig)))
 
 
+@pytest.mark.indispensable("parameters")
 def test_every_base_parameter_is_identified_within_its_interval(with_cells):
     identified = [q for q in with_cells.quantities if q.identified]
     assert len(identified) == 10
@@ -36,6 +37,7 @@ def test_every_base_parameter_is_identified_within_its_interval(with_cells):
     assert with_cells.valid
 
 
+@pytest.mark.whole_way
 def test_its_mass_is_set_beside_the_shots(with_cells):
     (note,) = [note for note in with_cells.notes if "off the mass of the shot" in note]
     assert note.startswith(f"m3 {with_cells.quantity('base_m3').value:.1f} kg (u ")
@@ -58,12 +60,14 @@ def test_a_mass_that_is_far_off_the_shots_is_not_valid():
     assert "standard uncertainties of both (limit 3)" in reason
 
 
+@pytest.mark.whole_way
 def test_intervals_are_narrow_enough_to_be_worth_having(with_cells):
     for symbol, share in (("m1", 0.03), ("m1_X1", 0.04), ("J3A", 0.03), ("m3", 0.005), ("m3_b", 0.03), ("m3_d", 0.02)):
         q = with_cells.quantity(f"base_{symbol}")
         assert q.u < share * q.expected, symbol
 
 
+@pytest.mark.whole_way
 def test_parameters_that_move_with_others_are_not_identified_alone(with_cells):
     m2, J2 = with_cells.quantity("base_m2"), with_cells.quantity("base_J2")
     assert not m2.identified
@@ -72,6 +76,7 @@ def test_parameters_that_move_with_others_are_not_identified_alone(with_cells):
     assert "J3A + (J2)" in J2.basis
 
 
+@pytest.mark.whole_way
 def test_the_combinations_that_the_shot_tells_are_printed(with_cells):
     table = with_cells.tables[0]
     assert len(table.rows) == with_cells.parameters["numerical_rank"] == 10
@@ -93,6 +98,7 @@ def test_without_load_cells_only_the_recoiling_mass_is_left_and_the_reason_is_sa
     assert any("no load cell of role" in note for note in found.notes)
 
 
+@pytest.mark.whole_way
 def test_the_elevating_moment_alone_tells_the_inertia_about_the_trunnion():
     weighed = weighed_shot()
     found = find(Case(FiredShot(without_channels(weighed.shot, *CELLS[1:]), weighed.rig)))
@@ -129,6 +135,7 @@ def test_load_cells_need_the_lines_along_which_loads_act():
     assert found.quantity("base_m3").identified
 
 
+@pytest.mark.whole_way
 def test_what_the_rig_declares_is_compared_with_its_uncertainty():
     weighed = weighed_shot()
     mechanism = replace(weighed.rig.mechanism, u={**weighed.rig.mechanism.u, "m1": 10.0, "m2": 5.0})

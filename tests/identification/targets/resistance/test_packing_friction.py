@@ -35,6 +35,7 @@ GOOD = ScaleUncertainty(1e-4, (1e-4, 1e-4, 1e-4), 500.0)
 POOR = ScaleUncertainty(0.02, (0.02, 0.05, 0.05), 50.0)
 
 
+@pytest.mark.whole_way
 def test_good_gauges_tell_the_friction_themselves():
     off = np.array([found(seed, 400.0, GOOD).value_n - 1500.0 for seed in range(10)])
     u = found(0, 400.0, GOOD).u_n

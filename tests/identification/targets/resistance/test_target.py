@@ -29,6 +29,7 @@ def holds(finding: Finding, symbol: str, truth: float, widen: float = 1.5) -> bo
     return abs(quantity.value - truth) < widen * 1.96 * quantity.u
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", RIGS)
 def test_gas_law_and_throttle_are_those_of_the_mechanism(name):
     virtual, finding = found(name)
@@ -66,6 +67,7 @@ def test_energy_and_momentum_close(name):
     assert {row[-1] for row in table.rows} <= {"closed", "beyond its tolerance, which happens by chance once in twenty"}
 
 
+@pytest.mark.whole_way
 def test_a_brake_gauge_that_reads_a_fifth_high_violates_the_balances():
     virtual, _ = found("field-2013")
     gauge = virtual.shot.channels["p_brake"]
@@ -94,6 +96,7 @@ def test_a_shot_without_breech_gauge_is_refused():
         target_function("resistance")(Case(FiredShot(without_channels(virtual.shot, "p_breech"), virtual.rig)))
 
 
+@pytest.mark.whole_way
 def test_slides_that_the_rig_states_are_part_of_the_resistance():
     virtual = virtual_shot("field-2013")
     rig = replace(virtual.rig, mechanism=replace(virtual.rig.mechanism, slide_friction=100.0))

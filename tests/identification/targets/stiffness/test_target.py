@@ -48,6 +48,7 @@ def test_every_parameter_of_the_twin_is_within_its_interval(name):
         assert one.u < (0.2 if symbol == "friction_d" else 0.08) * true, symbol
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_every_derived_quantity_of_the_twin_is_within_its_interval(name):
     mechanism = virtual_shot(name).rig.mechanism
