@@ -282,7 +282,8 @@ def test_figures_of_checks_reasons_and_doubts_come_back_and_a_file_of_before_has
     doubted = replace(shot.alignments[0], status="ambiguous", reasons=("none", text))
     check, reason = QualityCheck("p", Check.BASELINE, "warn", text), Reason(ReasonCode.NOISE, "p", text)
     given = replace(shot, alignments=(doubted,), quality=(*shot.quality, check), against_mass=(reason,))
-    path = write_shot(given, tmp_path / "0007.h5")
+    path = tmp_path / "0007.h5"
+    write_shot(given, path)
     if of_before:
         with h5py.File(path, "r+") as file:
             groups = ("quality", "against_mass", f"alignment/{doubted.clock}")
