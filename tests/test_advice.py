@@ -154,6 +154,7 @@ def _keys_of(table: dict[str, Any]) -> list[str]:
     return [one for key, value in table.items() for one in (key, *(_keys_of(value) if isinstance(value, dict) else ()))]
 
 
+@pytest.mark.whole_way
 def test_every_key_in_a_text_is_one_that_some_table_has() -> None:
     options = {name for command in COMMANDS.values() for parameter in command.params for name in parameter.opts}
     unknown = [

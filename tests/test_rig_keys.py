@@ -13,6 +13,7 @@ from recoil_rigs.tables.rig_tables import ROLES
 from tests import rig_keys
 
 
+@pytest.mark.whole_way
 def test_the_page_is_what_the_models_say() -> None:
     written = rig_keys.PAGE.read_text(encoding="utf-8")
     assert written == rig_keys.page(), "write it again with `python -m tests.rig_keys`"

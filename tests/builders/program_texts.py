@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import tomllib
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -13,9 +14,22 @@ PACKAGES = ("daq", "processing", "rigs", "identification", "recoil_daq")
 
 @cache
 def program_texts() -> tuple[tuple[str, str], ...]:
-    """Return place and text of every string of the five packages that is no docstring."""
+    """Return place and text of every string of the five packages that is no docstring, those of tables of data too."""
     modules = (path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py")))
-    return tuple((f"{path.relative_to(ROOT).as_posix()}:{line}", text) for path in modules for line, text in _of(path))
+    tables = (ROOT / "daq/recoil_acquisition/readers/foreign_formats.toml",)
+    return tuple(
+        (f"{path.relative_to(ROOT).as_posix()}:{line}", text)
+        for paths, texts in ((modules, _of), (tables, _of_table))
+        for path in paths
+        for line, text in texts(path)
+    )
+
+
+def _of_table(path: Path) -> Iterator[tuple[int, str]]:
+    """Texts that a table of data has for people."""
+    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    yield from ((0, text) for text in table["phrases"].values())
+    yield from ((number, row["remedy"]) for number, row in enumerate(table["format"], 1))
 
 
 def _of(path: Path) -> Iterator[tuple[int, str]]:

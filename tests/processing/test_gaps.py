@@ -49,6 +49,7 @@ def test_a_table_is_refused():
         bridge(np.zeros((3, 2)))
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=100)
 @given(FLAGS, st.integers(0, 60))
 def test_near_is_within_the_reach_of_a_flag(flags, reach):

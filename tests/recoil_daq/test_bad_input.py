@@ -47,6 +47,7 @@ def test_a_truncated_file_is_refused(run, files, tmp_path, kind, share):
     refused(result, tmp_path / "out", files[kind].name, "--accept-incomplete")
 
 
+@pytest.mark.whole_way
 def test_a_truncated_file_is_taken_when_asked_and_says_so(run, files, tmp_path):
     content = files["camera"].read_bytes()
     files["camera"].write_bytes(content[: int(0.97 * len(content))].rstrip(b"\r\n"))
@@ -118,6 +119,7 @@ def test_a_shot_name_that_is_no_file_name_is_refused(run, files, tmp_path, name)
     refused(result, tmp_path / "out", "the shot's name")
 
 
+@pytest.mark.whole_way
 def test_a_folder_that_cannot_be_made_is_refused(run, files, tmp_path):
     (tmp_path / "file").write_text("")
     result = run("ingest", "field-2013", *files.values(), "--out", tmp_path / "file" / "out")
@@ -264,6 +266,7 @@ def test_a_recorder_that_missed_the_shot_keeps_the_record_and_says_so(run, files
     assert "no shot" in " ".join(json.loads(result.stdout)["reasons"])
 
 
+@pytest.mark.whole_way
 def test_a_missing_source_keeps_the_shot_and_names_the_file_to_add(run, mixed_shot, tmp_path):
     some = [f for f in mixed_shot.files if f.suffix != ".blf"]
     result = run("ingest", "mixed", *some, "--out", tmp_path, "--shot", "x", "--json")

@@ -77,6 +77,7 @@ def test_an_unknown_command_is_wrong_usage(run):
         assert run("identify", "x.h5", "--window-s", window).exit_code == 2
 
 
+@pytest.mark.whole_way
 def test_ingest_prints_a_verdict_per_channel_and_a_last_line(run, field_shot: TwinShot, tmp_path):
     result = run("ingest", "field-2013", *field_shot.files, "--shot", "7", "--out", tmp_path)
     assert result.exit_code == 0
@@ -86,11 +87,13 @@ def test_ingest_prints_a_verdict_per_channel_and_a_last_line(run, field_shot: Tw
     assert (tmp_path / "7.h5").exists()
 
 
+@pytest.mark.whole_way
 def test_ingest_names_the_shot_by_the_number_that_its_files_share(run, field_shot: TwinShot, tmp_path):
     result = run("ingest", "field-2013", *field_shot.files, "--out", tmp_path, "--json")
     assert json.loads(result.stdout)["shot"] == "0001"
 
 
+@pytest.mark.whole_way
 def test_ingest_as_json_is_one_document(run, field_shot: TwinShot, tmp_path):
     result = run("ingest", "field-2013", *field_shot.files, "--shot", "8", "--out", tmp_path, "--json")
     document = json.loads(result.stdout)
@@ -452,6 +455,7 @@ def test_live_and_files_do_not_mix(run, arguments, says):
     assert says in " ".join(result.stderr.split())
 
 
+@pytest.mark.whole_way
 def test_the_shot_at_a_given_time_is_taken_out_of_a_recording(run, field_shot, tmp_path):
     rig = tmp_path / "rig.toml"
     rig.write_text(triggered_rig().text, encoding="utf-8")

@@ -74,6 +74,7 @@ def test_no_command_on_files_runs_a_module_of_the_users_folder(hostile: Path) ->
     assert hostile.resolve() not in looked
 
 
+@pytest.mark.whole_way
 def test_a_users_script_beside_files_of_the_folders_names_works(tmp_path: Path) -> None:
     for name in ("daq", "processing", "identification", "rigs"):
         (tmp_path / f"{name}.py").write_text(f"raise ImportError('the user has a {name}.py of their own')\n")

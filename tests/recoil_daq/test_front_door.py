@@ -67,6 +67,7 @@ def test_a_result_is_one_line_all_lines_or_a_page(done: tuple[Ingested, Reported
     assert "VALID" in page
 
 
+@pytest.mark.whole_way
 def test_a_report_has_its_figures_as_numbers(done: tuple[Ingested, Reported]) -> None:
     report = done[1]
     low, high = report.interval_kg
@@ -88,6 +89,7 @@ def test_a_folder_of_shots_is_identified_with_one_cutoff(done: tuple[Ingested, R
     assert first.document["filter"]["basis"] == "campaign"
 
 
+@pytest.mark.whole_way
 def test_shots_are_exported_and_any_file_opened(done: tuple[Ingested, Reported], tmp_path: Path) -> None:
     exported = export(done[0].path, "parquet", out=tmp_path)
     assert str(exported).startswith("Shot 0001 on rig field-2013 as parquet")

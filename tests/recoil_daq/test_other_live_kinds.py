@@ -180,6 +180,7 @@ def test_what_an_open_device_tells_meets_what_the_rig_declares() -> None:
     assert "no unit of velocity" in text
 
 
+@pytest.mark.real_time
 def test_the_instruments_own_file_takes_the_place_of_the_preview(day: Day, monkeypatch: pytest.MonkeyPatch) -> None:
     own = day.captured.with_name("0001_wind.csv")
     own.write_bytes(vendor_files.dewesoft_text(vendor_files.motion_rows()))
@@ -195,6 +196,7 @@ def test_the_instruments_own_file_takes_the_place_of_the_preview(day: Day, monke
         assert match_sources(rig, files) == {"wind": own}
 
 
+@pytest.mark.real_time
 def test_a_capture_of_a_kind_that_is_not_installed_names_it(day: Day) -> None:
     with pytest.raises(ReadError, match=r"a dewetron source that was read live by `lines`.*install the package"):
         recognise(day.captured).open(day.captured, Declarations("wind"))

@@ -39,6 +39,7 @@ def running(pid: int) -> bool:
         return False
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("number", [1, 2])
 def test_results_come_in_the_order_of_the_shots(number: int) -> None:
     items, names = named(5)
@@ -77,6 +78,7 @@ def test_the_first_fault_in_the_order_of_the_shots_comes_back_as_it_was_raised(n
         assert (caught.value.name, caught.value.nearest, caught.value.path) == ("acc_1", ("acc_0",), Path("1.csv"))
 
 
+@pytest.mark.whole_way
 def test_who_wants_no_more_results_leaves_no_process_at_work() -> None:
     with Workers(2) as workers:
         results = workers.map(work.square, *named(50))
@@ -85,6 +87,7 @@ def test_who_wants_no_more_results_leaves_no_process_at_work() -> None:
         assert list(workers.map(work.square, *named(3))) == [0, 1, 4]
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("number", [1, 2])
 def test_outcomes_go_on_past_a_fault(number: int) -> None:
     with Workers(number) as workers:
@@ -92,6 +95,7 @@ def test_outcomes_go_on_past_a_fault(number: int) -> None:
     assert [type(one).__name__ for one in outcomes] == ["int", "MissingChannelError"] * 2
 
 
+@pytest.mark.whole_way
 def test_an_error_of_the_program_itself_keeps_its_kind_and_place(two: Workers) -> None:
     with pytest.raises(ZeroDivisionError) as caught:
         list(two.map(work.fail, *named(2)))
@@ -112,6 +116,7 @@ def test_a_process_that_crashes_is_one_line_with_the_shot_s_name_and_the_others_
         assert len({pid for pid, *_ in workers.map(work.process, *named(4))}) == 2
 
 
+@pytest.mark.whole_way
 @posix_only
 def test_what_crashed_beside_another_is_tried_alone(tmp_path: Path) -> None:
     with Workers(2) as workers:
@@ -182,6 +187,7 @@ def script(tmp_path: Path, name: str) -> Path:
     return path
 
 
+@pytest.mark.whole_way
 def test_a_script_without_a_guard_runs_once_and_a_user_s_own_modules_are_left_alone(tmp_path: Path) -> None:
     for name in ("multiprocessing", "socket", "numpy"):
         elsewhere = tmp_path / "cwd"
@@ -193,6 +199,7 @@ def test_a_script_without_a_guard_runs_once_and_a_user_s_own_modules_are_left_al
     assert (done.returncode, done.stdout, done.stderr) == (0, "once\n", "")
 
 
+@pytest.mark.whole_way
 @posix_only
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_whatever_ends_the_command_its_processes_end_and_leave_nothing_half_written(

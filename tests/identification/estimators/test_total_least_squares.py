@@ -4,13 +4,13 @@ import math
 from dataclasses import replace
 
 import pytest
-from recoil_rigs.fired_shot import FiredShot
 
 from recoil_identification.estimate.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate
 from recoil_identification.estimators.total_least_squares import total_least_squares_mass
 from recoil_identification.shot.identified import Identification
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
 from recoil_processing.shot.sensor_scales import scale_uncertainty
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RIGS = ("field-2013", "mixed")

@@ -35,6 +35,7 @@ def test_a_shot_with_a_sound_mass_has_sound_targets(target: str, seed: int) -> N
     assert found(target, seed).valid, found(target, seed).reasons
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("seed", UNKIND)
 @pytest.mark.parametrize(("target", "symbol"), [("inertia-force", "m3"), ("parameters", "base_m3")])
 def test_their_mass_is_as_uncertain_as_the_shots(target: str, symbol: str, seed: int) -> None:

@@ -31,6 +31,7 @@ def skew_of(first, second, cutoff_hz: float = 300.0, rate_hz: float = RATE_HZ) -
     return found
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("skew_s", [0.0, 1e-4, -7e-4])
 def test_a_skew_is_found_within_its_uncertainty(skew_s):
     pulls, significant = [], []
@@ -44,6 +45,7 @@ def test_a_skew_is_found_within_its_uncertainty(skew_s):
     assert np.mean(significant) == 1.0 if skew_s else np.mean(significant) < 0.15
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=20)
 @given(st.floats(-2e-3, 2e-3))
 def test_without_noise_any_skew_is_found(skew_s):
@@ -52,6 +54,7 @@ def test_without_noise_any_skew_is_found(skew_s):
     assert found.gain == pytest.approx(2.0, rel=1e-3)
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=15)
 @given(st.floats(1e-3, 1e3), st.floats(-1e4, 1e4), st.sampled_from([-1.0, 1.0]))
 def test_units_zeros_and_signs_change_nothing(scale, zero, sign):

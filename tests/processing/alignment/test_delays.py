@@ -28,6 +28,7 @@ def test_a_butterworth_filters_delay_is_the_known_formula(order):
     assert part.u_s == pytest.approx(0.05 * part.delay_s)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("kind", ["bessel", "butterworth"])
 @pytest.mark.parametrize("order", [2, 4, 6])
 def test_a_slow_signal_comes_out_late_by_the_delay_and_the_corner_is_3_db_down(kind, order):

@@ -43,6 +43,7 @@ def with_twice(motion: RecordedMotion, index: int) -> RecordedMotion:
     return replace(motion, displacement_m=more, camera_times_s=np.arange(more.size) / RATE_HZ)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("since_onset_s", [0.004, 0.02, 0.06, 0.08])
 @pytest.mark.parametrize("lost_share", [0.0, 0.3])
 def test_a_missing_frame_is_located(since_onset_s, lost_share):
@@ -68,6 +69,7 @@ def test_the_stated_range_holds_the_true_frame():
     assert sum(held) >= 5
 
 
+@pytest.mark.exhaustive
 def test_a_picture_that_was_written_twice_is_found_by_its_repeated_position():
     motion = recorded(2)
     at = frame_at(motion, 0.05)
@@ -75,6 +77,7 @@ def test_a_picture_that_was_written_twice_is_found_by_its_repeated_position():
     assert (fault.missing, fault.index, fault.first, fault.last) == (-1, at + 1, at + 1, at + 1)
 
 
+@pytest.mark.exhaustive
 def test_a_picture_that_was_written_twice_and_tracked_anew_is_found_as_well():
     motion = recorded(2)
     at = frame_at(motion, 0.05)
@@ -86,6 +89,7 @@ def test_a_picture_that_was_written_twice_and_tracked_anew_is_found_as_well():
     assert fault.last - fault.first < 4
 
 
+@pytest.mark.exhaustive
 def test_corrected_times_give_the_offset_of_the_whole_track():
     motion = recorded(3)
     whole = fit_of(motion)
@@ -96,6 +100,7 @@ def test_corrected_times_give_the_offset_of_the_whole_track():
         assert abs(fit.corrected.offset_s - whole.offset_s) < 0.3 * whole.u_offset_s
 
 
+@pytest.mark.exhaustive
 def test_two_missing_frames_are_told_apart():
     motion = recorded(4)
     first, second = frame_at(motion, 0.015), frame_at(motion, 0.07)
@@ -106,6 +111,7 @@ def test_two_missing_frames_are_told_apart():
     assert faults[1].index == pytest.approx(second - 1, abs=3)
 
 
+@pytest.mark.exhaustive
 def test_two_frames_that_are_missing_at_one_place_are_two():
     motion = recorded(5)
     at = frame_at(motion, 0.04)
@@ -140,6 +146,7 @@ def test_a_jump_of_the_track_is_no_missing_frame(jump_m):
     assert fit.corrected.u_offset_s == pytest.approx(whole.u_offset_s, rel=0.1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "conditions",
     [

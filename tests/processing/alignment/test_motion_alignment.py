@@ -202,6 +202,7 @@ def test_the_uncertainty_is_never_below_the_bound_and_a_perfect_accelerometer_re
             assert fit.u_offset_s < 1.1 * bound
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("acceleration_sigma_m_s2", [0.3, 1.0, 2.0])
 def test_a_frame_rate_a_tenth_of_a_percent_off_never_passes_where_the_record_can_tell_it(acceleration_sigma_m_s2):
     for seed in range(3):
@@ -334,6 +335,7 @@ def shifted_from_the_onset(motion: RecordedMotion, by_m_s2: float) -> RecordedMo
     return replace(motion, acceleration_m_s2=felt)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("by_m_s2", [8.0, -20.0])
 def test_a_zero_that_shifts_at_the_onset_is_found_and_costs_nothing(by_m_s2):
     motion = record_motion(3, gain=1.25)
@@ -350,6 +352,7 @@ def test_a_zero_that_shifts_at_the_onset_is_found_and_costs_nothing(by_m_s2):
     )
 
 
+@pytest.mark.exhaustive
 def test_noise_that_was_stated_too_low_is_no_shift_of_the_zero():
     motion = replace(record_motion(14, acceleration_sigma_m_s2=40.0), acceleration_sigma_m_s2=5.0)
     fit = fit_of(motion, onset_s=ONSET_S)
@@ -391,6 +394,7 @@ def test_a_spike_within_the_shot_is_told_from_the_motion_by_the_accelerometer(fr
     assert abs(error_s(motion, fit)) < 4 * fit.u_offset_s
 
 
+@pytest.mark.exhaustive
 def test_a_dropped_frame_with_uncorrected_times_shows_in_the_residuals():
     motion = record_motion(10)
     assert 0.8 < fit_of(motion).innovation_statistic < 1.2
@@ -433,6 +437,7 @@ def test_another_motion_is_not_ok(pulses):
     assert verdict.reasons
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("acceleration_sigma_m_s2", [10.0, 20.0, 40.0, 80.0, 160.0])
 def test_noise_that_was_stated_too_low_is_found_and_widens_the_uncertainty(acceleration_sigma_m_s2):
     motion = record_motion(14, acceleration_sigma_m_s2=acceleration_sigma_m_s2)
@@ -541,6 +546,7 @@ def test_a_track_of_another_hand_is_aligned_within_its_uncertainty(corrected):
     assert corrected == (fit.frames_set_aside == 0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("kick_m_s", [0.2, -0.3])
 def test_a_velocity_that_a_bridged_gap_got_wrong_costs_nothing_where_the_gap_is_told(kick_m_s):
     motion = record_motion(3)

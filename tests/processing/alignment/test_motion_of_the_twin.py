@@ -69,6 +69,7 @@ def test_a_zero_that_shifts_at_the_shot_is_found_and_does_no_harm(step_m_s2, lat
         assert fit.u_offset_s < 2 * unshifted.u_offset_s
 
 
+@pytest.mark.exhaustive
 def test_without_a_shift_none_is_claimed():
     assert [fitted(seed)[1].shifted_zero_m_s2 for seed in SEEDS] == [None, None, None]
 
@@ -111,6 +112,7 @@ def test_a_track_that_is_not_this_motion_is_never_ok(shot, adversary):
     assert verdict.reasons
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("sensor", ["both", "accelerometer", "camera"])
 def test_a_shot_without_motion_is_never_ok(shot, sensor):
     still = track_shot(SEEDS[0], moving=False)
@@ -151,6 +153,7 @@ def test_a_repeated_picture_is_said_and_located(shot):
     assert f"one picture was written twice near frame {at + 1} " in verdict.reasons[0]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("error", [-0.01, 0.006, 0.1])
 def test_a_frame_rate_that_is_further_off_than_the_record_can_tell_is_noticed(shot, error):
     wrong = shot.at_wrong_rate(1.0 + error)

@@ -62,6 +62,7 @@ def error_s(fit: RedundantFit, drift: float = 0.0) -> float:
     return fit.offset_s - OFFSET_S + (fit.drift - drift) * at_shot
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "conditions",
     [{}, {"rate_hz": 2000.0, "sigma": 50.0}, {"reference_sigma": 50.0}, {"lost_share": 0.02}, {"gap_s": (0.2, 0.25)}],
@@ -102,6 +103,7 @@ def test_jitter_of_stamps_that_were_not_laid_on_their_line_is_in_the_uncertainty
     assert abs(error_s(ragged)) < 3 * ragged.u_offset_s
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=8)
 @given(st.floats(1e-3, 1e3), st.floats(-1e3, 1e3), st.sampled_from([-1.0, 1.0]))
 def test_units_constants_and_gains_change_nothing(scale, constant, sign):
@@ -132,6 +134,7 @@ def test_a_known_offset_is_recovered_at_any_drift(offset_s, drift):
     assert (1 + fit.drift) * at_shot + fit.offset_s == pytest.approx(ONSET_S + 0.004, abs=1e-5)
 
 
+@pytest.mark.exhaustive
 def test_a_velocity_is_aligned_by_its_derivative_and_its_errors_are_what_the_uncertainty_says():
     times = STEP_S * np.arange(18_000)
     pulls = []
@@ -149,6 +152,7 @@ def test_a_velocity_is_aligned_by_its_derivative_and_its_errors_are_what_the_unc
     assert 0.5 < np.sqrt(np.mean(np.square(pulls))) < 1.4
 
 
+@pytest.mark.exhaustive
 def test_ringing_that_a_slow_source_folds_into_the_motion_is_in_the_uncertainty():
     times = STEP_S * np.arange(18_000)
     errors, seen_u, blind_u = [], [], []
@@ -172,6 +176,7 @@ def test_ringing_that_a_slow_source_folds_into_the_motion_is_in_the_uncertainty(
     assert np.sqrt(np.mean(np.square(np.array(errors) / blind_u))) > 2.0
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=8)
 @given(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5))
 def test_where_the_clocks_have_their_zeros_changes_nothing(source_zero, reference_zero):

@@ -30,6 +30,7 @@ def test_stamps_with_jitter_and_losses_come_to_lie_on_their_line(start_s, step_s
         assert np.allclose(found.times_s, true, rtol=0, atol=0.13 * step_s)
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=25)
 @given(st.floats(-1e3, 1e3), st.floats(1e-3, 1e3), st.integers(0, 1000))
 def test_where_time_begins_and_in_which_unit_it_is_changes_nothing(shift_s, unit, seed):
@@ -42,6 +43,7 @@ def test_where_time_begins_and_in_which_unit_it_is_changes_nothing(shift_s, unit
     assert np.allclose(other.times_s / unit - shift_s, one.times_s, rtol=0, atol=1e-7)
 
 
+@pytest.mark.exhaustive
 def test_a_wait_is_one_sided_and_its_lower_edge_is_the_beat():
     for mean_wait in (0.02, 0.1, 0.3):
         errors, waits = [], []
@@ -57,6 +59,7 @@ def test_a_wait_is_one_sided_and_its_lower_edge_is_the_beat():
         assert np.mean(waits) == pytest.approx(1e-3 * mean_wait, rel=0.1)
 
 
+@pytest.mark.exhaustive
 def test_of_two_sided_jitter_the_mean_is_taken_and_its_uncertainty_holds():
     pulls, means = [], 0
     for seed in range(30):
@@ -69,6 +72,7 @@ def test_of_two_sided_jitter_the_mean_is_taken_and_its_uncertainty_holds():
     assert 0.6 < np.std(pulls) < 1.3
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("jitter", [0.1, 0.15, 0.2, 0.22])
 def test_jitter_up_to_a_fifth_of_a_step_is_told_from_lost_samples(jitter):
     found, wrong = 0, 0
@@ -103,6 +107,7 @@ def test_a_late_host_is_seen_through_or_left_alone(wait):
             np.testing.assert_array_equal(found.times_s, stamps)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("wait", [0.5, 2.0, 4.0])
 def test_the_sources_own_count_is_right_however_late_the_host_is(wait):
     errors = []

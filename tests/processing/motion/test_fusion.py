@@ -50,6 +50,7 @@ def standardised(result: FusedMotion) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("row", ROWS)
 def test_stated_uncertainties_are_those_of_the_errors(row):
     found = [standardised(fused(record(seed, row), *row[1:])) for seed in range(24)]
@@ -107,6 +108,7 @@ def test_a_clock_error_shows_in_the_innovations_and_by_itself():
     assert np.sqrt(np.mean(np.square(standardised(wrong)[0]))) > 3
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("row", ROWS[:2])
 def test_told_of_the_clocks_uncertainty_the_intervals_cover(row):
     shifts = 50e-6 * np.random.default_rng(8).standard_normal(30)
@@ -176,6 +178,7 @@ def test_single_frames_that_contradict_their_neighbours_are_set_aside():
     assert np.array_equal(one.position_m, other.position_m)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("start", "duration"), [(0.1005, 0.003), (0.15, 0.01)])
 def test_bridged_samples_of_the_accelerometer_are_covered(start, duration):
     errors = []

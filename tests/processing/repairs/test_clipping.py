@@ -60,6 +60,7 @@ def test_only_flagged_samples_are_touched_and_none_lies_inside_its_clip_level(se
     assert np.all(np.abs(found.samples[there]) <= LARGEST_PEAK * limit * (1 + 1e-9))
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=10)
 @given(st.integers(-30, 30), st.sampled_from([-1.0, 1.0]))
 def test_units_and_sign_do_not_matter(exponent, sign):
@@ -83,6 +84,7 @@ def test_tips_of_a_wave_are_found_again():
     assert Repaired(truth).then(found.samples, repair).repairs == (repair,)
 
 
+@pytest.mark.exhaustive
 def test_a_run_of_a_quarter_of_its_wave_is_masked_and_says_so():
     found = repair_clipping(np.clip(sine(2.0), -1.0, 1.0), -1.0, 1.0, unit="Pa")
     early = [run for run in found.runs if run.start < 200]
@@ -171,6 +173,7 @@ def test_a_record_that_is_clipped_throughout_is_refused_and_quickly():
     assert np.isnan(found.samples).sum() == find_clipped(samples, -1.0, 1.0).flags.sum()
 
 
+@pytest.mark.exhaustive
 def test_with_what_is_repaired_and_what_is_left_out_the_mass_is_right():
     """Ringing that is clipped at 1.5 times the pulse: as recorded the mass is high by 3 % and more in the mean."""
     biases, as_recorded = [], []

@@ -44,6 +44,7 @@ def test_lines_are_found_and_taken_off_the_pulse_too(mains_hz):
     assert hum.repairs[0].figures["excess_db_1"] > 10
 
 
+@pytest.mark.exhaustive
 def test_what_is_left_is_what_is_said():
     """Errors of frequency and phase over their uncertainties, and the hum that is left over its own."""
     deviations, left, told = [], [], []
@@ -60,6 +61,7 @@ def test_what_is_left_is_what_is_said():
     assert 0.7 < np.sqrt(np.mean(np.square(left)) / np.mean(np.square(told))) < 1.3
 
 
+@pytest.mark.exhaustive
 def test_far_from_the_baseline_nothing_is_added():
     """Two periods in strong noise, five seconds of record: the phase is lost, and so is the reason to subtract."""
     added, hummed = [], []
@@ -102,6 +104,7 @@ def test_noise_without_a_hum_comes_back_bit_for_bit(seed):
     assert hum.repairs == ()
 
 
+@pytest.mark.exhaustive
 def test_chance_seldom_makes_a_line():
     found = sum(bool(subtract_hum(*_noise(seed)).lines) for seed in range(100))
     assert found <= 3
@@ -150,6 +153,7 @@ def test_lost_samples_stay_lost():
     assert np.nanmax(np.abs(hum.samples - clean)) < 0.3
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=10)
 @given(st.integers(-20, 20), st.sampled_from([-1.0, 1.0]))
 def test_units_and_sign_do_not_matter(exponent, sign):

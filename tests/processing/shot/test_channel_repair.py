@@ -114,6 +114,7 @@ def test_the_droop_of_a_chain_is_inverted_and_its_time_constant_is_a_row_of_the_
     assert 0 < row.u_kg < 1.0
 
 
+@pytest.mark.exhaustive
 def test_a_time_constant_that_is_better_known_costs_less():
     virtual = virtual_shot("field-2013", 3)
     exact = virtual.rig.text.replace("time_constant_s = 10.0", "time_constant_s = 10.0, u_time_constant_s = 0.0")
@@ -127,6 +128,7 @@ def test_a_time_constant_that_is_better_known_costs_less():
     assert droop_kg(found) < droop_kg(usual)
 
 
+@pytest.mark.exhaustive
 def test_the_report_lists_every_repair_with_its_samples_and_marks_them_in_the_figures():
     virtual = virtual_shot("field-2013", 3)
     brake = np.asarray(virtual.shot.channels["p_brake"].samples, dtype=np.float64).copy()

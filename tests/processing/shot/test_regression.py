@@ -116,6 +116,7 @@ def test_a_gap_takes_rows_away_but_leaves_the_mass(name, gap):
     assert reverse_mass(filtered, NOTHING).mass_kg == pytest.approx(MASS_KG, rel=2e-4)
 
 
+@pytest.mark.exhaustive
 def test_a_gap_lowers_the_identified_share_and_not_the_validity_of_what_is_left():
     motion = bench_motion()
     lossy = motion.breech_pa.copy()

@@ -112,6 +112,7 @@ def rumbling(seed: int) -> RingingRecord:
     return replace(record, recorded_m_s2=record.recorded_m_s2 + 600.0 / rumble.std() * rumble)
 
 
+@pytest.mark.exhaustive
 def test_records_without_a_gap_say_so_and_none_is_sure():
     choices = [chosen(rumbling(seed)) for seed in range(20)]
     assert all(choice.confidence != "sure" for choice in choices)

@@ -40,6 +40,7 @@ def test_frequencies_and_damping_are_found_at_20_db(seed):
         assert mode.damping_ratio == pytest.approx(ratio, rel=0.20)
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=15)
 @given(st.floats(800.0, 4000.0), st.floats(0.004, 0.04), st.integers(0, 1000))
 def test_a_single_mode_is_found_alone(frequency_hz, damping, seed):
@@ -83,6 +84,7 @@ def test_shares_add_up_to_what_rings():
     assert [mode.energy_share for mode in of_record] == sorted((m.energy_share for m in of_record), reverse=True)
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=10)
 @given(st.floats(1e-6, 1e6))
 def test_the_unit_changes_the_amplitudes_alone(scale):

@@ -50,6 +50,7 @@ def test_the_answer_is_the_mass_without_what_was_added(fired: FiredCampaign, ans
     assert any(one["file"] == "shotlog.csv" for one in document["provenance"]["inputs"])
 
 
+@pytest.mark.whole_way
 def test_reports_alone_give_the_same_mass_and_no_shot_is_identified_again(
     run, answered: Path, reports: Path, tmp_path
 ) -> None:
@@ -147,6 +148,7 @@ def test_what_cannot_be_combined_is_refused_in_one_line_and_leaves_nothing(
         assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.whole_way
 def test_frames_and_figures_are_at_hand_in_python(reports: Path, tmp_path) -> None:
     done = campaign([reports], out=tmp_path / "out")
     assert repr(done).startswith("Combined(")

@@ -29,6 +29,7 @@ def reports(tmp_path):
     return tmp_path / "my reports"
 
 
+@pytest.mark.whole_way
 def test_a_campaign_has_a_page_that_leads_to_the_shots_pages(reports, tmp_path):
     done = campaign(reports, out=tmp_path / "answer")
     assert sorted(one.name for one in done.folder.iterdir()) == FILES
@@ -40,6 +41,7 @@ def test_a_campaign_has_a_page_that_leads_to_the_shots_pages(reports, tmp_path):
     assert "2 shots have no curves" in page
 
 
+@pytest.mark.whole_way
 def test_the_specification_and_each_shots_own_verdict_stand_beside_the_mass(reports, tmp_path, run):
     result = run("campaign", reports, "--out", tmp_path / "answer")
     document = json.loads((tmp_path / "answer" / "campaign.json").read_text(encoding="utf-8"))
@@ -60,6 +62,7 @@ def test_the_specification_and_each_shots_own_verdict_stand_beside_the_mass(repo
     assert page.count(">valid</td>") == 3
 
 
+@pytest.mark.whole_way
 def test_a_page_that_is_there_is_not_overwritten_unasked(reports, tmp_path):
     (tmp_path / "answer").mkdir()
     (tmp_path / "answer" / "campaign.html").write_text("mine")

@@ -84,10 +84,12 @@ def test_its_numbers_come_again(season: Path, tmp_path: Path) -> None:
     assert not check_reports(done.folder, shots=season / "autumn").again
 
 
+@pytest.mark.whole_way
 def test_without_a_history_nothing_is_said_of_one(season: Path, tmp_path: Path) -> None:
     assert "history" not in campaign(season / "autumn", out=tmp_path / "now").document
 
 
+@pytest.mark.whole_way
 def test_campaigns_that_differ_are_a_note_and_make_no_mass_invalid(season: Path, tmp_path: Path) -> None:
     past = copied(season, tmp_path)
     path = past / "2026" / "spring" / "campaign.json"
@@ -101,6 +103,7 @@ def test_campaigns_that_differ_are_a_note_and_make_no_mass_invalid(season: Path,
     assert check_reports(tmp_path / "now", shots=season / "autumn").again
 
 
+@pytest.mark.whole_way
 def test_what_cannot_be_compared_is_shown_with_its_reason(season: Path, tmp_path: Path) -> None:
     past = copied(season, tmp_path)
     spring, summer = (past / "2026" / name / "campaign.json" for name in ("spring", "summer"))

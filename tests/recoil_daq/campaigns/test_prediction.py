@@ -243,6 +243,7 @@ def test_every_line_of_what_could_be_done_can_be_done_and_keeps_its_promise(
         assert promised(document) == pytest.approx((line["u_rel_shot"], line["u_rel_campaign"]), rel=5e-3), line
 
 
+@pytest.mark.whole_way
 def test_a_line_that_cannot_be_worked_out_costs_itself_and_not_the_prediction(monkeypatch: pytest.MonkeyPatch) -> None:
     document = expected().document
     told = prediction.predicted_u_rel

@@ -55,6 +55,7 @@ def test_each_of_ten_campaigns_comes_again_to_the_last_bit(tmp_path: Path, plant
     assert budget == pytest.approx(answer.u_kg**2, rel=1e-9)
 
 
+@pytest.mark.whole_way
 def test_the_shots_identity_the_header_and_the_conformity_are_in_the_answer(done: Path) -> None:
     document = json.loads((done / "campaign" / "campaign.json").read_text("utf-8"))
     assert document["issued"] == {
@@ -103,6 +104,7 @@ def test_a_changed_byte_of_what_is_beside_an_answer_is_one_line(tmp_path: Path, 
     assert [name in str(difference) for difference in one.comparison.differences] == [True]
 
 
+@pytest.mark.whole_way
 def test_a_changed_report_in_the_folder_that_was_named_is_told(done: Path) -> None:
     other = shutil.copytree(done / "reports", done / "other")
     report = other / "0002" / "report.json"
@@ -113,6 +115,7 @@ def test_a_changed_report_in_the_folder_that_was_named_is_told(done: Path) -> No
     assert str(report) in str(difference)
 
 
+@pytest.mark.whole_way
 def test_an_answer_whose_reports_are_others_or_are_gone_says_so(done: Path, run: Callable[..., Any]) -> None:
     shutil.move(done / "reports", done / "elsewhere")
     result = run("explain", done / "campaign", "--check", "--workers", 1)
@@ -125,6 +128,7 @@ def test_an_answer_whose_reports_are_others_or_are_gone_says_so(done: Path, run:
     assert run(*with_place).exit_code == 3
 
 
+@pytest.mark.whole_way
 def test_a_folder_that_holds_a_campaign_has_it_checked_too(done: Path) -> None:
     checked = check_reports(done, workers=1)
     assert [one.report.name for one in checked.reports if not one.fault] == ["campaign.json"]
@@ -143,6 +147,7 @@ def test_the_numbers_of_an_answer_and_of_its_budget_are_explained(done: Path, ru
     assert run("explain", done / "campaign", "mass.nothing").exit_code == 3
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     "place", [("budget", 0, "u_kg"), ("mass", "u"), ("common", 0, "influence"), ("shots", 0, "mass")]
 )
@@ -163,6 +168,7 @@ def test_something_else_in_the_place_of_a_value_is_no_exception(
     assert result.exit_code in (1, 3)
 
 
+@pytest.mark.whole_way
 def test_an_answer_that_is_nested_too_deeply_is_told_in_a_line(done: Path, run: Callable[..., Any]) -> None:
     path = done / "campaign" / "campaign.json"
     document = json.loads(path.read_text("utf-8"))

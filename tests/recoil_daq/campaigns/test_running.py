@@ -30,6 +30,7 @@ def names(fired: FiredCampaign) -> tuple[str, ...]:
     return tuple(path.stem for path in fired.files)
 
 
+@pytest.mark.whole_way
 def test_it_is_the_campaign_of_the_shots_and_says_what_more_of_them_would_give(day: Path) -> None:
     fired, answer = ring_campaign().fired, ring_campaign().answer
     (day / "campaign").mkdir()

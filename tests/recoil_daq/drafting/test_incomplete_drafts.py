@@ -31,6 +31,7 @@ def recorded(tmp_path: Path) -> list[Path]:
     return [daq, camera]
 
 
+@pytest.mark.whole_way
 def test_a_file_that_an_optional_library_would_read_is_the_last_line_and_the_code(
     run, recorded: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -61,6 +62,7 @@ def test_among_an_incomplete_set_nothing_has_a_role_that_its_name_does_not_have(
     assert some.lacks == ()
 
 
+@pytest.mark.whole_way
 def test_a_cameras_layout_is_kept_and_its_file_is_read_by_it(run, recorded: list[Path], tmp_path: Path) -> None:
     other = tmp_path / "old.toml"
     other.write_text(

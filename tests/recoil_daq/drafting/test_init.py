@@ -43,6 +43,7 @@ def recorded(field_shot: TwinShot, tmp_path: Path) -> list[Path]:
     return copies
 
 
+@pytest.mark.whole_way
 def test_nothing_is_overwritten(run, recorded: list[Path], tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text("somebody's own", encoding="utf-8")
@@ -113,6 +114,7 @@ def test_one_file_that_cannot_be_read_leaves_the_others_drafted(
     assert not (tmp_path / "alone.toml").exists()
 
 
+@pytest.mark.whole_way
 def test_what_is_no_file_of_one_shot_is_said(run, recorded: list[Path], tmp_path: Path) -> None:
     table = write_certificates("field-2013", tmp_path, {})
     for words, text in (
@@ -204,6 +206,7 @@ def test_an_overdue_certificate_is_a_fault_of_check(run, mixed_shot: TwinShot, t
     assert "'acc_recoil'.sensor.due: calibration was due 2026-02-01" in refused.output
 
 
+@pytest.mark.whole_way
 def test_another_rig_is_taken_over_whole(mixed_shot: TwinShot, tmp_path: Path) -> None:
     rig = mixed_shot.rig_file
     drafted = draft_rig(mixed_shot.files, other=rig, out=tmp_path / "rig.toml")
@@ -221,6 +224,7 @@ def _parsed(text: str, rig: Path, folder: Path) -> Rig:
     return parse_rig(text, folder / "rig.toml", {name: rig.with_name("mixed.dbc").read_text(encoding="utf-8")})
 
 
+@pytest.mark.whole_way
 def test_what_a_finished_rig_leaves_out_is_not_asked_for(field_shot: TwinShot, tmp_path: Path) -> None:
     text = find_rig("field-2013").read_text(encoding="utf-8").replace("u_friction = 150.0", "")
     other = tmp_path / "old.toml"
@@ -261,6 +265,7 @@ def test_a_table_of_text_gets_the_layout_that_it_seems_to_have(tmp_path: Path) -
     assert [one.unit for one in again.sources[0].signals][1:] == ["m/s2", "bar"]
 
 
+@pytest.mark.whole_way
 def test_what_differs_from_another_rig_is_said(mixed_shot: TwinShot, tmp_path: Path) -> None:
     text = mixed_shot.rig_file.read_text(encoding="utf-8")
     for old, new in (
@@ -284,6 +289,7 @@ def test_what_differs_from_another_rig_is_said(mixed_shot: TwinShot, tmp_path: P
     assert "p_recuperator: old.toml says brake_pressure, but" in found
 
 
+@pytest.mark.whole_way
 def test_an_unfinished_draft_goes_on(recorded: list[Path], tmp_path: Path) -> None:
     first = draft_rig(recorded, out=tmp_path / "rig.toml")
     started = filled(first.draft.text(), {"mechanism": {"m3": 782.0}, "p_brake": {"serial": "V302"}})

@@ -66,6 +66,7 @@ def test_pulses_at_the_frame_rate_are_a_camera_s_clock(field_shot: TwinShot, tmp
             assert_open_alone(text, tmp_path / "rig.toml")
 
 
+@pytest.mark.whole_way
 def test_an_edge_that_two_recorders_saw_is_their_clock(field_shot: TwinShot, tmp_path: Path) -> None:
     names, columns = recorder_of(field_shot)
     times_s = columns[:, 0]

@@ -101,6 +101,7 @@ def test_foreign_files_together_are_of_no_mechanism_either() -> None:
     assert draft_rig([shared_file(name) for name in names]).roles.by_signal == {}
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("shot", ["plain", "ringing", "gains"])
 def test_names_and_an_independent_simulation_agree(shot: str) -> None:
     files = [shared_file(f"shots/{shot}/{name}") for name in ("dewetron.csv", "camera.csv")]
@@ -113,6 +114,7 @@ def test_names_and_an_independent_simulation_agree(shot: str) -> None:
     assert {one.role for one in roles.values()} == set(GUN_ROLES)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("shot", ["plain", "ringing", "gains"])
 def test_polarities_of_an_independent_simulation_are_right_or_asked(shot: str) -> None:
     # its sensors are mounted along their axes; ringing begins on the other side, and is the largest swing of a gyro
@@ -124,6 +126,7 @@ def test_polarities_of_an_independent_simulation_are_right_or_asked(shot: str) -
     assert set(given.values()) == {1}
 
 
+@pytest.mark.whole_way
 def test_the_tipping_part_turns_as_the_stated_mechanism_says(tmp_path: Path) -> None:
     rig = load_rig("field-2013")
     fired = simulate_shot(with_twin("field-2013", **SHORTER), tmp_path, seed=3, shot="0001")
@@ -147,6 +150,7 @@ def test_a_swing_that_goes_to_and_fro_has_no_side() -> None:
     assert polarity_of("carriage_acceleration_y", beside, MechanismModel.GUN).value is None
 
 
+@pytest.mark.whole_way
 def test_a_shot_late_in_a_long_record_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fired = simulate_shot(with_twin("field-2013", **SHORTER), tmp_path, seed=3, shot="0001")
     recorder = next(file for file in fired.files if "dewetron" in file.name)

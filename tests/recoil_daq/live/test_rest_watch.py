@@ -24,6 +24,7 @@ def at(middle: float, noise: float) -> ChannelStatus:
     return replace(BRAKE, level=Level(middle, middle - noise / 2, middle + noise / 2))
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize(
     ("after", "text"),
     [
@@ -50,6 +51,7 @@ def test_what_rests_otherwise_than_before_the_last_shot(
     assert rest.look((after,)) == (() if text is None else (text,))
 
 
+@pytest.mark.real_time
 def test_what_moves_while_it_is_disarmed_does_not_rest_for_a_while(clock: list[float]) -> None:
     rest = RestWatch()
     rest.look((at(1.5e6, 2e4),))
@@ -61,6 +63,7 @@ def test_what_moves_while_it_is_disarmed_does_not_rest_for_a_while(clock: list[f
     assert len(rest.look((at(9e6, 2e4),))) == 1
 
 
+@pytest.mark.real_time
 def test_before_the_first_shot_there_is_nothing_to_compare_with(clock: list[float]) -> None:
     rest = RestWatch()
     for _ in range(100):

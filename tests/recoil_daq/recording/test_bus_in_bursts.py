@@ -32,6 +32,7 @@ def in_packets(mixed_shot: TwinShot, tmp_path: Path) -> list[Path]:
     return [*(file for file in mixed_shot.files if file != log), path]
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("counted", [True, False])
 def test_a_bus_in_bursts_is_dated_by_its_counter_or_named_as_the_cause(
     counted: bool, in_packets: list[Path], tmp_path: Path

@@ -50,6 +50,7 @@ def test_a_recognised_file_never_hides_a_declared_layout(tmp_path: Path) -> None
         reader.open(path, rig.declarations(rig.source("camera")))
 
 
+@pytest.mark.whole_way
 def test_a_shot_has_the_same_track_by_a_declared_table_as_by_the_export(tmp_path: Path) -> None:
     rig = with_twin("field-2013", **SHORTER)
     files = simulate_shot(rig, tmp_path / "files", seed=3, shot="s1").files

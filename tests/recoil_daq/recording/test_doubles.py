@@ -43,6 +43,7 @@ def day(field_shot: TwinShot, tmp_path: Path) -> tuple[list[Path], Path]:
     return files, tmp_path / "shots"
 
 
+@pytest.mark.whole_way
 def test_files_that_were_ingested_as_a_folder_are_not_another_shot(run, day: tuple[list[Path], Path]) -> None:
     files, out = day
     before = (out / "0001.h5").read_bytes()
@@ -58,12 +59,14 @@ def test_files_that_were_ingested_as_a_folder_are_not_another_shot(run, day: tup
     assert [row.shot for row in ShotLog.read(out / "shotlog.csv").rows] == ["0001"]
 
 
+@pytest.mark.whole_way
 def test_its_own_shot_file_is_made_anew_and_another_folder_is_no_matter(run, day: tuple[list[Path], Path]) -> None:
     files, out = day
     assert run("ingest", "field-2013", *files, "--out", out, "--overwrite").exit_code == 0
     assert run("ingest", "field-2013", *files, "--out", out / "probe", "--shot", "probe").exit_code == 0
 
 
+@pytest.mark.whole_way
 def test_a_shot_is_named_by_the_number_that_all_its_files_share(run, field_shot: TwinShot, tmp_path: Path) -> None:
     out = tmp_path / "shots"
     assert run("ingest", "field-2013", *files_of(field_shot, tmp_path, "7"), "--out", out).exit_code == 0
@@ -73,6 +76,7 @@ def test_a_shot_is_named_by_the_number_that_all_its_files_share(run, field_shot:
     assert [path.name for path in sorted(out.glob("*.h5"))] == ["0007.h5", "0008_dewetron.h5"]
 
 
+@pytest.mark.whole_way
 def test_a_file_of_another_shot_under_a_neutral_name_is_refused(
     run, day: tuple[list[Path], Path], field_shot: TwinShot, tmp_path: Path
 ) -> None:
@@ -88,6 +92,7 @@ def test_a_file_of_another_shot_under_a_neutral_name_is_refused(
     assert run("ingest", "field-2013", recorder, camera, "--shot", "0002", "--out", out).exit_code == 0
 
 
+@pytest.mark.whole_way
 def test_of_a_folder_the_second_shot_with_a_file_is_the_one_that_fails(
     run, field_shot: TwinShot, tmp_path: Path
 ) -> None:
@@ -104,6 +109,7 @@ def test_of_a_folder_the_second_shot_with_a_file_is_the_one_that_fails(
     assert [path.name for path in out.glob("*.h5")] == ["0001.h5"]
 
 
+@pytest.mark.whole_way
 def test_a_folder_that_is_ingested_again_knows_the_shots_that_are_there(run, day: tuple[list[Path], Path]) -> None:
     files, out = day
     (out / "0001.h5").rename(out / "first.h5")
@@ -112,6 +118,7 @@ def test_a_folder_that_is_ingested_again_knows_the_shots_that_are_there(run, day
     assert f"these files are in {out / 'first.h5'} already" in result.output.replace("\n", " ")
 
 
+@pytest.mark.whole_way
 def test_what_is_recovered_twice_is_the_shot_file_that_was_made_of_it(day: tuple[list[Path], Path]) -> None:
     files, out = day
     assert made_of(files[0], out) == out / "0001.h5"

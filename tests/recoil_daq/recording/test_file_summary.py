@@ -298,14 +298,16 @@ def test_a_database_and_a_rig_are_not_given_both(run, files):
 
 
 def test_a_file_of_which_nothing_is_a_signal_lists_what_it_holds(run, tmp_path):
-    savemat(tmp_path / "shot.mat", {"S": {"time": np.arange(9.0), "acc": np.ones(9)}, "matrix": np.ones((9, 3))})
+    parts = np.array([1, "a"], object)
+    savemat(tmp_path / "shot.mat", {"S": {"parts": parts}, "cube": np.ones((9, 3, 2)), "matrix": np.ones((9, 3))})
     document = shown(run, tmp_path / "shot.mat")
     assert document["signals"] == []
-    assert document["left_out"]["matrix"].startswith("an array of shape 9x3")
-    assert "'-struct', 'S'" in document["left_out"]["S"]
+    assert document["left_out"]["cube"].startswith("an array of shape 9x3x2")
+    assert document["left_out"]["S.parts"].startswith("a cell")
+    assert document["left_out"]["matrix.column_1"] == "none of its columns is a time, which rises"
     printed = " ".join(run("show", tmp_path / "shot.mat").output.split())
     assert "What the file holds, and why it is no signal" in printed
-    assert "save each channel, and the time, as a vector of its own" in printed
+    assert "save its parts as vectors of their own" in printed
     savemat(tmp_path / "timeless.mat", {"acc": np.ones(9), "p": np.ones(7)})
     document = shown(run, tmp_path / "timeless.mat")
     assert document["left_out"] == dict.fromkeys(("acc", "p"), "no time vector has its length")

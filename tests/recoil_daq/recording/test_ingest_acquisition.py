@@ -58,6 +58,7 @@ def live(mixed_shot: TwinShot, capture: Path) -> list[Path]:
     return [capture if path == imu_of(mixed_shot) else path for path in mixed_shot.files]
 
 
+@pytest.mark.whole_way
 def test_the_acquisition_goes_into_the_shot_and_names_it(mixed_shot: TwinShot, tmp_path: Path) -> None:
     path, acquisition = record(mixed_shot, tmp_path)
     ingested = ingest(live(mixed_shot, path), tmp_path / "shots")

@@ -229,6 +229,7 @@ def test_a_log_beside_the_files_that_is_at_fault_is_refused_and_the_folders_own_
     assert ingest_folder(RIG, folder, out=folder, workers=1).rows is None
 
 
+@pytest.mark.whole_way
 def test_the_added_mass_of_a_log_beside_the_files_counts_at_once(run, field_shot: TwinShot, tmp_path: Path) -> None:
     folder = tmp_path / "day"
     placed(field_shot, folder, "2_dewetron.csv", "2_camera.csv")

@@ -76,6 +76,7 @@ def test_a_log_that_is_open_in_a_spreadsheet_is_left_and_named(tmp_path: Path, m
     assert log.read_text(encoding="utf-8") == "shot,notes\n0001,\n"
 
 
+@pytest.mark.whole_way
 def test_a_faulty_log_keeps_no_shot_from_being_written(run, field_shot: TwinShot, tmp_path: Path) -> None:
     text = "shot,added_mass_kg\n0001,heavy\n"
     log = written(tmp_path, text)
@@ -93,6 +94,7 @@ def test_a_faulty_log_keeps_no_shot_from_being_written(run, field_shot: TwinShot
     assert not (tmp_path / "reports").exists()
 
 
+@pytest.mark.whole_way
 def test_a_shot_that_was_planned_is_checked_with_its_added_mass(field_shot: TwinShot, tmp_path: Path) -> None:
     written(tmp_path, "shot,added_mass_kg,u_added_mass_kg\n1,250,\n")
     done = ingest_files(load_rig("field-2013"), field_shot.files, shot="0001", out=tmp_path)
@@ -106,6 +108,7 @@ def test_a_shot_that_was_planned_is_checked_with_its_added_mass(field_shot: Twin
     assert read_stored(done.path).rig.mechanism.m3 == 782.0
 
 
+@pytest.mark.whole_way
 def test_a_plan_that_leaves_no_recoiling_part_is_named(field_shot: TwinShot, tmp_path: Path) -> None:
     written(tmp_path, "shot,added_mass_kg\n0001,-782\n")
     done = ingest_files(load_rig("field-2013"), field_shot.files, shot="0001", out=tmp_path)

@@ -53,6 +53,7 @@ def test_the_report_has_every_key_and_a_page(shot_file, tmp_path):
     assert not re.search(r"\bnan\b", page.split("<script", 1)[0], re.IGNORECASE)
 
 
+@pytest.mark.whole_way
 def test_several_such_shots_need_no_cut_off_and_have_no_peaks_to_repeat(shot_file):
     (options,) = shared_options([shot_file, shot_file], Options()).values()
     assert options.campaign is None
@@ -60,6 +61,7 @@ def test_several_such_shots_need_no_cut_off_and_have_no_peaks_to_repeat(shot_fil
     assert repeatability([{"shot": name, "rig": "r", "peak_acceleration": peaks} for name in "ab"]) == {}
 
 
+@pytest.mark.whole_way
 def test_a_method_that_needs_the_accelerometer_says_so(shot_file, tmp_path):
     ran = CliRunner().invoke(app, ["identify", str(shot_file), "--out", str(tmp_path), "--method", "reverse"])
     assert ran.exit_code == 3

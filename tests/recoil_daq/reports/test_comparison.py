@@ -87,6 +87,7 @@ def test_a_page_that_is_there_is_not_replaced_unasked(two: Path) -> None:
     beside(two / "one" / "0001", [two / "other"], overwrite=True)
 
 
+@pytest.mark.whole_way
 def test_of_a_folder_of_reports_the_one_of_the_shot_is_taken(two: Path) -> None:
     shutil.copytree(two / "other" / "0001", two / "other" / "0002")
     edited(two / "other" / "0002", shot="0002")

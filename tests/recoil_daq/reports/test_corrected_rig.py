@@ -173,6 +173,7 @@ def test_a_target_is_found_with_the_corrected_rig(mixed: Range, tmp_path: Path, 
     assert "rig file" in [one["source"] for one in document["provenance"]["inputs"]]
 
 
+@pytest.mark.whole_way
 def test_a_rig_file_that_corrects_nothing_says_so(mixed: Range, tmp_path: Path) -> None:
     rig_file = mixed.rig_file(tmp_path)
     fired, plain = read_stored(mixed.shot_file, rig_file), read_stored(mixed.shot_file)
@@ -182,6 +183,7 @@ def test_a_rig_file_that_corrects_nothing_says_so(mixed: Range, tmp_path: Path) 
     assert fired.rig_file is not None
 
 
+@pytest.mark.whole_way
 def test_other_sensors_are_refused_each_on_its_line_and_nothing_is_written(
     mixed: Range, tmp_path: Path, run: Callable[..., Any]
 ) -> None:
@@ -200,6 +202,7 @@ def test_other_sensors_are_refused_each_on_its_line_and_nothing_is_written(
     assert "no such rig file" in missing.stderr
 
 
+@pytest.mark.whole_way
 def test_the_added_mass_of_the_shot_log_is_added_to_the_corrected_specification(mixed: Range, tmp_path: Path) -> None:
     shot_file = Path(shutil.copy(mixed.shot_file, tmp_path))
     (tmp_path / "shotlog.csv").write_text("shot,added_mass_kg,u_added_mass_kg\n0001,100.0,0.05\n", encoding="utf-8")
@@ -211,6 +214,7 @@ def test_the_added_mass_of_the_shot_log_is_added_to_the_corrected_specification(
     assert fired.shot.quality != plain.shot.quality
 
 
+@pytest.mark.whole_way
 def test_a_verdict_that_only_the_recorded_files_tell_is_kept_and_named(mixed: Range, tmp_path: Path) -> None:
     shot = read_shot(mixed.shot_file)
     told = tuple(
@@ -289,6 +293,7 @@ def test_a_campaign_does_not_drop_a_correction_silently(mixed: Range, two: Path,
         campaign(two, reports=tmp_path / "reports", out=tmp_path / "other", cutoff_hz=300.0)
 
 
+@pytest.mark.whole_way
 def test_a_report_alone_cannot_be_corrected(mixed: Range, tmp_path: Path, plain_reports: Path) -> None:
     rig_file = mixed.rig_file(tmp_path, SURER)
     with pytest.raises(ReadError, match="made without this corrected rig file, and its shot file is not given"):

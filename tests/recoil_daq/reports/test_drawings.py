@@ -90,6 +90,7 @@ def test_all_that_was_written_comes_again_to_the_byte(done: Recomputed, home: Pa
     assert {"report.html", "report.pdf", "plotly.min.js", f"{FIGURE}.svg", f"{FIGURE}.png"} <= set(found.drawings)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", ["report.html", "report.pdf", f"{FIGURE}.svg", f"{FIGURE}.png", "../plotly.min.js"])
 @pytest.mark.parametrize("change", ["digit", "longer", "gone"])
 def test_a_file_that_was_changed_or_taken_away_is_one_line(
@@ -112,6 +113,7 @@ def test_a_file_that_was_changed_or_taken_away_is_one_line(
     assert not found.again
 
 
+@pytest.mark.whole_way
 def test_a_paper_copy_that_was_put_beside_a_report_without_one_is_a_difference(done: Recomputed, folder: Path) -> None:
     document = json.loads((folder / "report.json").read_text("utf-8"))
     document["provenance"]["drawn"]["pdf"] = False
@@ -120,6 +122,7 @@ def test_a_paper_copy_that_was_put_beside_a_report_without_one_is_a_difference(d
     assert "report.pdf" in keys
 
 
+@pytest.mark.whole_way
 def test_what_cannot_be_typeset_is_said_and_does_not_come_again(
     done: Recomputed, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -133,6 +136,7 @@ def test_what_cannot_be_typeset_is_said_and_does_not_come_again(
     assert f"{FIGURE}.svg" in found.drawings
 
 
+@pytest.mark.whole_way
 def test_a_file_of_somebody_else_is_named_as_not_compared(done: Recomputed, folder: Path) -> None:
     (folder / "beside.html").write_text("x", encoding="utf-8")
     found = checked(done, folder)

@@ -160,6 +160,7 @@ def test_the_beginning_of_a_name_is_enough_and_an_unknown_one_is_answered_with_t
     assert "may be budget.recoil_acceleration sensitivity, " in result.stderr
 
 
+@pytest.mark.whole_way
 def test_in_a_pipe_the_tree_is_indented_and_without_branches(home: Path, run: Callable[..., Any]) -> None:
     lines = run("explain", home / "reports", "mass").output.split("\n")
     assert lines[1].startswith("  mass")
@@ -254,6 +255,7 @@ def found(folder: Path, home: Path, text: str) -> bool:
         return True
 
 
+@pytest.mark.whole_way
 def test_a_number_that_was_changed_is_named_with_what_it_should_be(copied: Path, run: Callable[..., Any]) -> None:
     document = json.loads((copied / "reports" / "0001" / "report.json").read_text("utf-8"))
     true = document["mass"]["value"]
@@ -304,6 +306,7 @@ def test_a_report_with_something_else_where_a_name_belongs_is_no_traceback(
     assert not check_reports(copied / "reports", workers=1).again
 
 
+@pytest.mark.whole_way
 def test_a_shot_log_that_has_become_faulty_is_no_hindrance(copied: Path) -> None:
     (copied / "shots" / "shotlog.csv").write_text("shot,added_mass_kg\n0001,heavy\n", encoding="utf-8")
     done = explain(copied / "reports")
@@ -312,6 +315,7 @@ def test_a_shot_log_that_has_become_faulty_is_no_hindrance(copied: Path) -> None
     assert state.startswith("changed since, and at fault now: ")
 
 
+@pytest.mark.whole_way
 def test_a_digit_beyond_the_last_one_that_counts_is_found(copied: Path) -> None:
     path = copied / "reports" / "0001" / "report.json"
     value = repr(json.loads(path.read_text("utf-8"))["mass"]["value"])
@@ -336,6 +340,7 @@ def test_a_digit_changed_in_a_table_beside_the_report_is_found(copied: Path, nam
     assert (difference.key, difference.stored) == (name, None)
 
 
+@pytest.mark.whole_way
 def test_a_table_with_other_bytes_and_the_same_numbers_is_found(copied: Path) -> None:
     path = copied / "reports" / "0001" / "mass.csv"
     document = json.loads((copied / "reports" / "0001" / "report.json").read_text("utf-8"))
@@ -348,6 +353,7 @@ def test_a_table_with_other_bytes_and_the_same_numbers_is_found(copied: Path) ->
     assert path.exists()
 
 
+@pytest.mark.whole_way
 def test_a_table_of_another_size_is_not_read(copied: Path) -> None:
     path = copied / "reports" / "0001" / "mass.csv"
     path.write_bytes(3 * path.read_bytes())
@@ -356,6 +362,7 @@ def test_a_table_of_another_size_is_not_read(copied: Path) -> None:
     assert str(differences[0].stored).startswith("over ")
 
 
+@pytest.mark.whole_way
 def test_a_program_that_writes_the_report_anew_changes_nothing(copied: Path) -> None:
     path = copied / "reports" / "0001" / "report.json"
     document = json.loads(
@@ -449,6 +456,7 @@ def test_a_folder_of_reports_is_checked_each_on_its_line(copied: Path, run: Call
     assert "does not come again to the last bit" in result.output
 
 
+@pytest.mark.whole_way
 def test_elsewhere_numbers_come_again_within_their_rounding(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(again, "computer", lambda: {"system": "another"})
     checked = check_reports(home / "reports", workers=1)

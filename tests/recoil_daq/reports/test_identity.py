@@ -88,6 +88,7 @@ def test_each_channel_has_its_sensor_and_each_area_its_uncertainty(issued: tuple
     assert all(one["serial"] == breech["serial"] for one in of_breech)
 
 
+@pytest.mark.whole_way
 def test_the_estimate_of_a_source_is_its_pull_times_its_uncertainty(issued: tuple[Path, Reported]) -> None:
     _, report = issued
     pulls = {one["source"]: one["pull"] for one in report.document["sensors"]}

@@ -107,6 +107,7 @@ def test_a_side_of_the_equation_that_lost_all_is_named_and_gives_no_mass(name: s
     assert is_clear(refused.value, name)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("name", "present"),
     [("f_push", 0), ("f_push", 1), ("f_brake", 2), ("acc_sled", 0), ("acc_sled", 1), ("v_sled", 0), ("x_sled", 2)],
@@ -146,6 +147,7 @@ def test_no_target_of_a_lost_sensor_is_valid(target: str, name: str) -> None:
     assert any(name in reason for reason in document["reasons"])
 
 
+@pytest.mark.whole_way
 def test_a_campaign_sets_such_shots_aside_or_says_that_too_few_are_left(tmp_path: Path) -> None:
     shots = []
     for name in ("gyro_tipping", "acc_carriage_x"):

@@ -104,6 +104,7 @@ def test_what_is_changed_in_memory_changes_the_mass_and_not_the_shot(shot: Shot,
     assert identify(shot).document == result.document
 
 
+@pytest.mark.whole_way
 def test_a_corrected_rig_is_taken_and_another_one_refused(shot: Shot) -> None:
     text = shot.rig_text.replace("m3 = 782.0", "m3 = 770.0")
     assert text != shot.rig_text

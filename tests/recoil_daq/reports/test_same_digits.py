@@ -146,6 +146,7 @@ def test_each_row_of_the_budget_is_that_of_the_document(handed_over: HandedOver)
     assert rows[-1]["u / kg"] == two_digits(total)
 
 
+@pytest.mark.whole_way
 def test_the_document_in_the_paper_is_the_file_to_the_last_byte(handed_over: HandedOver) -> None:
     content = (handed_over.folder / f"{handed_over.name}.json").read_bytes()
     assert handed_over.paper.attachments[f"{handed_over.name}.json"] == [content]

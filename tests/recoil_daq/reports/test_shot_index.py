@@ -52,6 +52,7 @@ def rows_of(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.whole_way
 def test_an_index_has_the_digits_of_the_report_and_leads_to_its_page(day: Path, identified: Identified) -> None:
     done = index_shots([day], out=day / "index", xlsx=True)
     (row,) = rows_of(done.folder)

@@ -88,6 +88,7 @@ def test_an_unknown_target_is_wrong_usage(run, stored: Path) -> None:
     assert "stiffness" in result.output
 
 
+@pytest.mark.whole_way
 def test_a_method_that_needs_a_camera_says_so_where_there_is_none(run, field_shot: TwinShot, tmp_path: Path) -> None:
     daq = [f for f in field_shot.files if "camera" not in f.name]
     run("ingest", "field-2013", *daq, "--shot", "0002", "--out", tmp_path)

@@ -28,6 +28,7 @@ def printed(document: Mapping[str, Any], table: Callable[..., None], *folder: Pa
     return shown(lambda: table(read_back, *folder)).export_text()
 
 
+@pytest.mark.whole_way
 def test_a_shot_and_its_row_of_the_log_print_as_their_documents_do(field_shot: TwinShot, tmp_path: Path) -> None:
     done = ingest_files(load_rig("field-2013"), field_shot.files, shot="0001", out=tmp_path)
     assert printed(done.to_json(), print_verdict) == shown(done.show).export_text()

@@ -60,6 +60,7 @@ def test_identify_and_the_report_say_both(identified) -> None:
     assert f"RPE and peaks: {said['cutoff_hz']:.4g} Hz, by this shot's spectra" in output
 
 
+@pytest.mark.whole_way
 def test_a_campaign_says_whose_its_low_pass_is(run, tmp_path) -> None:
 
     answer = ring_campaign().answer

@@ -62,6 +62,7 @@ def test_perfect_instruments_satisfy_the_identification_equation_both_ways() -> 
     assert m.m3 * np.abs(si["acc_recoil"] - inertial).max() > 1e-4 * np.abs(force).max()
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32))
 def test_ringing_carries_no_net_velocity_and_no_net_displacement(seed: int) -> None:

@@ -99,6 +99,7 @@ def test_what_the_servo_follows_is_smooth(n: int) -> None:
     assert np.gradient(curves[n], times_s)[2:-2] == pytest.approx(curves[n + 1][2:-2], abs=2e-3)
 
 
+@pytest.mark.exhaustive
 def test_a_record_may_begin_in_the_motion() -> None:
     chosen = {"push_n": 0.0, "strokes": 6, "ringing": 0.0, "sample_rate_hz": 1e3}
     whole, part = moved(duration_s=5.0, **chosen), moved(duration_s=3.0, begins_s=1.5, **chosen)

@@ -140,6 +140,7 @@ def test_an_instant_between_two_samples_is_stepped_on_exactly() -> None:
     assert abs(found.qdd[after, 4] - found.qdd[before, 4]) * 0.1 * step > 1e-5
 
 
+@pytest.mark.exhaustive
 def test_halving_the_step_does_not_move_the_instant() -> None:
     coarse, fine = motion(after_s=OFF_GRID_S), motion(after_s=OFF_GRID_S, rate_hz=100e3)
     np.testing.assert_allclose(coarse.qd, fine.qd[::2], atol=1e-4)
@@ -172,6 +173,7 @@ def test_work_of_the_loads_is_the_change_of_energy_of_the_rest_and_of_the_part_t
     np.testing.assert_allclose(rest - rest[0], work, atol=scale * np.ptp(rest))
 
 
+@pytest.mark.exhaustive
 def test_a_lighter_part_recoils_farther_and_a_release_too_late_changes_nothing() -> None:
     none = motion(0.0)
     assert none.released_kg == 0.0

@@ -39,6 +39,7 @@ def test_the_accelerations_are_those_of_the_model_under_the_recorded_loads() -> 
     np.testing.assert_allclose(motion.qdd, expected, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.exhaustive
 def test_work_of_the_loads_is_the_change_of_energy() -> None:
     m, motion = bundled()
     power = np.sum(forces(m, motion) * motion.qd, axis=1)
@@ -105,6 +106,7 @@ def test_packing_friction_opposes_the_motion_and_is_whole_while_it_slides() -> N
     assert motion.friction_n[-1] == -1500.0
 
 
+@pytest.mark.exhaustive
 def test_packing_friction_holds_at_rest() -> None:
     m, _ = bundled()
     # too small a shot to overcome the preload of the stop: the part stays in battery

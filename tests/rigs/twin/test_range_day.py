@@ -72,6 +72,7 @@ def test_a_source_whose_play_ended_is_said() -> None:
         at_once(day, imu=failure).raise_failure()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("over", "said"), [(True, True), (False, False)])
 def test_a_live_session_ends_with_what_ended_its_day_unless_somebody_interrupted_it(
     over: bool, said: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -98,6 +98,7 @@ def test_what_is_stated_is_drawn() -> None:
     assert {scene.unread["form"]["packings"] for scene in drawn if scene.unread["share"] < 0} == {1.0}
 
 
+@pytest.mark.exhaustive
 def test_the_shots_of_a_campaign_share_their_errors(tmp_path: Path) -> None:
     rig = with_settings(load_rig("sled"), {"sample_rate_hz": 2000.0, "ringing": 0.0})
     plan = CampaignPlan(added_mass_kg=80.0, charges=(1.0, 0.8))
@@ -130,6 +131,7 @@ def test_the_cells_of_a_side_share_its_force() -> None:
     assert scene.shares["f_brake"] == 1.0
 
 
+@pytest.mark.exhaustive
 def test_pressures_on_a_line_read_the_force_on_their_areas() -> None:
     rig = line_rig("breech_pressure", "brake_pressure", "recoil_acceleration", bore_area=0.002, brake_area=0.001)
     scene = draw_scene(with_settings(rig, EXACT), 1, "1")

@@ -58,6 +58,7 @@ def rig_with(**settings: float) -> Rig:
     return parse_rig("\n".join([f"{head}[twin]", *lines.values(), ""]), path)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("modes", [1, 2])
 def test_the_accelerations_are_those_of_the_model_under_the_recorded_loads(modes: int) -> None:
     m, tube, motion = shot(tube_modes=modes)
@@ -67,6 +68,7 @@ def test_the_accelerations_are_those_of_the_model_under_the_recorded_loads(modes
     np.testing.assert_allclose(qdd, expected, rtol=1e-8, atol=1e-7)
 
 
+@pytest.mark.exhaustive
 def test_work_of_the_loads_less_that_of_the_damping_is_the_change_of_energy() -> None:
     m, tube, motion = shot()
     q, qd, _ = states(motion)
@@ -108,6 +110,7 @@ def test_the_accelerometer_feels_the_force_and_the_correction_of_the_identificat
     assert 1.0 < np.abs(correction).max() < 1e-2 * np.abs(force).max()
 
 
+@pytest.mark.exhaustive
 def test_a_part_may_let_go_of_a_mechanism_that_bends() -> None:
     m, tube, motion = shot(released_mass_kg=30.0, release_after_s=0.0212341)
     q, qd, qdd = states(motion)

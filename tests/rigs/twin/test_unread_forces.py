@@ -121,6 +121,7 @@ ALL: dict[str, Any] = {key: value for unread, _ in WRITTEN for key, value in unr
 }  # fmt: skip
 
 
+@pytest.mark.exhaustive
 def test_the_work_of_all_forces_together_is_the_change_of_energy_with_that_of_the_oil() -> None:
     m, motion = mechanism(), moved(**ALL)
     oil_kg = ALL["carried_oil_kg"]
@@ -178,6 +179,7 @@ def shape(t: float) -> float:
     return -math.expm1(-((t / 1.5e-3) ** 3)) * math.exp(-t / 5.5e-3)
 
 
+@pytest.mark.exhaustive
 def test_drag_in_the_bore_ends_with_the_exit_and_a_muzzle_brake_begins_there() -> None:
     exit_s, travel = projectile()
     assert 0.003 < exit_s < 0.012
@@ -259,6 +261,7 @@ def test_random_curves_have_the_covariance_that_they_are_drawn_from(covariance, 
     assert np.abs(drawn[:, chosen].mean(axis=0)).max() < 0.1
 
 
+@pytest.mark.exhaustive
 def test_the_nominal_recoil_is_that_of_a_body_on_a_line() -> None:
     m, s = mechanism(), SHORT
     found = nominal_recoil_of(m, s)

@@ -46,6 +46,7 @@ def test_gas_law_and_throttle_are_those_of_the_mechanism(name):
         assert quantity.u < 0.02 * quantity.value
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", RIGS)
 def test_the_friction_interval_holds_the_true_friction(name):
     virtual, finding = found(name)

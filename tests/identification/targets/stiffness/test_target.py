@@ -83,6 +83,7 @@ def test_a_softer_and_a_stiffer_elevating_gear_are_told(factor):
     assert abs(damping.value - TRUE["c_elevating"]) <= COVERED * damping.u
 
 
+@pytest.mark.whole_way
 def test_the_stiffness_over_time_holds_the_truth():
     columns = found("field-2013").series.columns
     for symbol, unit in (("k_elevating", "N_m_per_rad"), ("k_ground_x", "N_per_m"), ("k_ground_d", "N_per_m")):

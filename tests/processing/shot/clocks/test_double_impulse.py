@@ -32,6 +32,7 @@ def test_without_noise_the_mass_is_right_to_the_integration_of_straight_lines():
     assert estimated().mass_kg == pytest.approx(MASS_KG, rel=2e-5)
 
 
+@pytest.mark.exhaustive
 def test_the_interval_holds_the_mass_as_often_as_it_says_and_the_noise_is_found():
     found = [of_shot(seed) for seed in range(40)]
     error = np.array([one.mass_kg for one in found]) / MASS_KG - 1

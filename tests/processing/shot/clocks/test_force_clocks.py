@@ -45,6 +45,7 @@ def test_without_a_force_the_camera_is_not_aligned():
     assert "brake_pressure" in clock.reasons[0]
 
 
+@pytest.mark.exhaustive
 def test_a_shift_of_the_track_is_found_to_its_uncertainty():
     virtual = tracked_shot()
     camera = virtual.shot.channels["x_camera"]

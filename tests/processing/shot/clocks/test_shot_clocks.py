@@ -186,6 +186,7 @@ def tracked(delay_s: float) -> tuple[Shot, Rig]:
     )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("delay_s", [0.0, 0.002])
 def test_a_cameras_delay_is_neither_in_its_clock_nor_in_its_travel(delay_s):
     shot, rig = tracked(delay_s)

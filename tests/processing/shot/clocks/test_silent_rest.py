@@ -16,6 +16,7 @@ from tests.builders.motions import record_motion
 from tests.builders.virtual_shots import virtual_shot, with_channels
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("left", [0.0, 0.05])
 def test_a_camera_is_aligned_against_accelerometers_whose_rest_is_silent(left):
     virtual = virtual_shot()

@@ -61,6 +61,7 @@ def test_a_carriage_gyro_that_hardly_leaves_its_noise_is_a_warning_with_its_kilo
     assert abs(found.chosen.estimate.mass_kg - plain.chosen.estimate.mass_kg) < 2 * stated_kg + 0.02
 
 
+@pytest.mark.exhaustive
 def test_a_channel_whose_noise_moves_the_mass_is_set_aside_and_judged_as_if_it_were_missing() -> None:
     virtual = virtual_shot("mixed")
     shot = with_noise(virtual, "carriage_rate", 20.0)

@@ -24,6 +24,7 @@ def with_sensor(virtual: VirtualShot, name: str, line: str) -> Rig:
                      virtual.rig.path, virtual.rig.databases)  # fmt: skip
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("status", ["ambiguous", "failed"])
 def test_a_doubted_clock_is_the_same_reason_at_range_and_desk(status: str) -> None:
     virtual = virtual_shot()
@@ -38,6 +39,7 @@ def test_a_doubted_clock_is_the_same_reason_at_range_and_desk(status: str) -> No
     assert list(against_the_record(FiredShot(shot, virtual.rig))) == (desk if status == "ambiguous" else [])
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("name", "line", "code"), [("p_recuperator", "time_constant_s = 5.0", ReasonCode.COUPLING)])
 def test_what_the_rig_declares_against_a_mass_is_said_at_the_range(name: str, line: str, code: ReasonCode) -> None:
     virtual = virtual_shot()
@@ -47,6 +49,7 @@ def test_what_the_rig_declares_against_a_mass_is_said_at_the_range(name: str, li
     assert reason in identify_shot(FiredShot(virtual.shot, rig), Options()).reasons
 
 
+@pytest.mark.exhaustive
 def test_a_tipping_part_of_which_nothing_tells_is_said_at_the_range() -> None:
     virtual = virtual_shot()
     shot = virtual.shot.without_channel("gyro_tipping")

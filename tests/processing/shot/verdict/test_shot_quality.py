@@ -184,6 +184,7 @@ def test_an_offset_out_of_proportion_fails_and_that_of_a_piezo_chain_is_no_offse
     assert one(checks(noisy_shot(acc=high), bench_rig(acc="time_constant_s = 1.0")), "acc", "baseline").verdict == "ok"
 
 
+@pytest.mark.exhaustive
 def test_a_failed_and_an_ambiguous_alignment_are_reported_with_their_reasons():
     virtual = virtual_shot()
     (good,) = virtual.shot.alignments
@@ -199,6 +200,7 @@ def test_a_failed_and_an_ambiguous_alignment_are_reported_with_their_reasons():
     assert not {c.check for c in failed if c.channel == "x_camera"} & {"polarity", "velocity", "residual"}
 
 
+@pytest.mark.exhaustive
 def test_a_zero_that_moved_during_the_shot_is_seen_against_the_camera():
     virtual = virtual_shot()
     (good,) = virtual.shot.alignments

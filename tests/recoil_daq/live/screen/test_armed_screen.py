@@ -66,6 +66,7 @@ def left_on_terminal(written: str, height: int) -> list[str]:
     return [row.rstrip() for row in rows if row.strip()]
 
 
+@pytest.mark.real_time
 def test_each_notice_is_to_be_seen_once_and_stays_when_the_screen_is_taken_away(clock: list[float]) -> None:
     file = io.StringIO()
     command = (
@@ -155,6 +156,7 @@ def test_a_notice_of_another_thread_waits_for_the_next_picture() -> None:
         assert "trigger (p_brake)" in file.getvalue()
 
 
+@pytest.mark.real_time
 def test_an_alarm_rings_once(clock: list[float]) -> None:
     file = io.StringIO()
     with made(file=file, force_terminal=True) as screen:

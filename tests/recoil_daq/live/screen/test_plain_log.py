@@ -48,6 +48,7 @@ def test_every_line_has_its_time_in_utc() -> None:
     assert all(re.match(STAMP, line) for line in lines)
 
 
+@pytest.mark.real_time
 def test_without_a_change_it_tells_every_minute(clock: Clock) -> None:
     stream = io.StringIO()
     log = PlainLog(stream)
@@ -57,6 +58,7 @@ def test_without_a_change_it_tells_every_minute(clock: Clock) -> None:
     assert len(stream.getvalue().splitlines()) == 4
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
@@ -81,6 +83,7 @@ def test_a_change_is_told_at_once_but_once_per_second(clock: Clock, changes, tol
     assert len(stream.getvalue().splitlines()) == 3
 
 
+@pytest.mark.real_time
 def test_an_alarm_is_told_once_and_what_is_to_be_looked_at_stands_in_the_line(clock: Clock) -> None:
     stream = io.StringIO()
     log = PlainLog(stream)
@@ -97,6 +100,7 @@ def test_an_alarm_is_told_once_and_what_is_to_be_looked_at_stands_in_the_line(cl
     assert "ALARM: p_brake crossed while disarmed, 1 times" in lines[1]
 
 
+@pytest.mark.real_time
 def test_the_same_again_and_again_is_a_count(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(repeated_notices.time, "monotonic", lambda: clock.now_s)
     stream = io.StringIO()
