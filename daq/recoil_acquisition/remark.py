@@ -8,6 +8,7 @@
     +-- Note         what a reader should know although it makes nothing invalid (note)
 
 A remark is its text, so that it is printed and joined as that. Decisions are made by its code, never by its words.
+The figures in it are values with units (`recoil_acquisition.measured`) where its text was put together of them.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from enum import StrEnum
 from typing import Any, ClassVar, Self
+
+from recoil_acquisition.measured import Worded, beside, figures_of
 
 
 class Severity(StrEnum):
@@ -179,8 +182,8 @@ class CautionCode(StrEnum):
     """A counter counts otherwise than the rig declares: gaps are not what they seem."""
 
 
-class Remark(str):
-    """One sentence with its code and what it is about.
+class Remark(Worded):
+    """One sentence with its code, what it is about, and the figures that its text has.
 
     Attributes
     ----------
@@ -199,21 +202,22 @@ class Remark(str):
 
     def __new__(cls, code: StrEnum, about: str | None, text: str) -> Self:
         """Attach code and subject to a text."""
-        self = super().__new__(cls, text)
+        self = super().__new__(cls, text, figures_of(text))
         self.code, self.about = code, about
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Keep code and subject where it is given to another process."""
-        return type(self), (self.code, self.about, str(self))
+        """Keep code, subject and figures where it is given to another process."""
+        return type(self), (self.code, self.about, Worded(self, self.figures))
 
     def again(self, text: str) -> Self:
         """Return a remark of the same code and subject in other words."""
         return type(self)(self.code, self.about, text)
 
-    def to_json(self) -> dict[str, str | None]:
-        """Return it in JSON types, as an entry of ``findings``."""
-        return {"code": self.code.value, "about": self.about, "severity": self.severity.value, "text": str(self)}
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types, as an entry of ``findings``; with ``figures`` if it has any."""
+        said = {"code": self.code.value, "about": self.about, "severity": self.severity.value, "text": str(self)}
+        return said | beside(self)
 
 
 class Reason(Remark):
@@ -238,6 +242,6 @@ class Caution(Remark):
     severity = Severity.WARN
 
 
-def findings_of(*remarks: Iterable[Remark]) -> list[dict[str, str | None]]:
+def findings_of(*remarks: Iterable[Remark]) -> list[dict[str, Any]]:
     """Return remarks as the ``findings`` of a document, in their order."""
     return [one.to_json() for some in remarks for one in some]

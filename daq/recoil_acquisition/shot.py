@@ -22,6 +22,7 @@ from recoil_acquisition.extras import XARRAY
 from recoil_acquisition.files.regular_file import open_regular
 from recoil_acquisition.files.shot_name import check_shot_name
 from recoil_acquisition.listing import Listed, Listing
+from recoil_acquisition.measured import beside, joined, worded
 from recoil_acquisition.remark import Caution, Note, Reason, ReasonCode, Remark, findings_of
 from recoil_acquisition.usability import Usability, usability
 
@@ -203,7 +204,8 @@ class QualityCheck:
     verdict
         Outcome: ``ok``, ``warn`` or ``fail``.
     detail
-        Sentence with the figure, its limit, and what to do about it.
+        Sentence with the figure, its limit, and what to do about it; a `recoil_acquisition.measured.Worded` where its
+        figures are known.
     written
         Name of the check in the file that it was read from, where that is no `Check`; None of any other.
     """
@@ -228,11 +230,12 @@ class QualityCheck:
     def remark(self) -> Remark:
         """Return it as a reason (it failed), a caution or a note about its channel, with the check as its code."""
         kind = {"fail": Reason, "warn": Caution, "ok": Note}[self.verdict]
-        return kind(self.check, self.channel, f"{self.channel}: {self.detail}")
+        return kind(self.check, self.channel, worded(self.channel, ": ", self.detail))
 
-    def to_json(self) -> dict[str, str]:
-        """Return it in JSON types."""
-        return {"channel": self.channel, "check": self.name, "verdict": self.verdict, "detail": self.detail}
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types; with the ``figures`` of its detail if that has any."""
+        stated = {"channel": self.channel, "check": self.name, "verdict": self.verdict, "detail": str(self.detail)}
+        return stated | beside(self.detail)
 
 
 @dataclass(frozen=True, eq=False)
@@ -526,7 +529,7 @@ def reasons_of(quality: Sequence[QualityCheck], against_mass: Sequence[Reason]) 
     return (*failed, *map(str, against_mass))
 
 
-def shot_findings(quality: Sequence[QualityCheck], against_mass: Sequence[Reason]) -> list[dict[str, str | None]]:
+def shot_findings(quality: Sequence[QualityCheck], against_mass: Sequence[Reason]) -> list[dict[str, Any]]:
     """Return the ``findings`` of a shot: its reasons in their order, what warns, and what readers noted."""
 
     def found(verdict: Verdict) -> list[Remark]:
@@ -539,7 +542,7 @@ def shot_findings(quality: Sequence[QualityCheck], against_mass: Sequence[Reason
 def doubted_clocks(alignments: Sequence[ClockAlignment]) -> tuple[Reason, ...]:
     """Say of each clock that was not aligned beyond doubt why."""
     return tuple(
-        Reason(ReasonCode.CLOCK, a.clock, f"clock {a.clock}: alignment {a.status}: {'; '.join(a.reasons)}")
+        Reason(ReasonCode.CLOCK, a.clock, worded(f"clock {a.clock}: alignment {a.status}: ", joined("; ", a.reasons)))
         for a in alignments
         if a.status != "ok"
     )

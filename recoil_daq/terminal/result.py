@@ -101,7 +101,7 @@ class MassDocument(Printed):
         return tuple(self.document["reasons"])
 
     @property
-    def findings(self) -> tuple[dict[str, str | None], ...]:
+    def findings(self) -> tuple[dict[str, Any], ...]:
         """Reasons, warnings and notes, each with ``code``, ``about``, ``severity`` and ``text``.
 
         Those of severity ``fatal`` are the reasons, in the same order. None in what an earlier version wrote.

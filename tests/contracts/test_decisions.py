@@ -31,6 +31,7 @@ ONE_SENTENCE = ("caution", "detail", "message", "note", "problem", "reason", "re
 OTHERS_TEXTS = {
     ("daq/recoil_acquisition/devices/can_device.py", "could not unpack"): "python-can's, which has no type for it",
     ("daq/recoil_acquisition/shortage.py", "can't start new thread"): "the interpreter's, which has no type for it",
+    ("daq/recoil_acquisition/devices/open_fault.py", r"\[Errno (\d+)\]"): "the system's, as a library words it",
     (
         "daq/recoil_acquisition/channel.py",
         "mask overloads",
@@ -53,10 +54,24 @@ def has_blank(literal: ast.expr) -> str | None:
 
 
 def constants(source: str) -> dict[str, str]:
-    """Return the module's constants that are such texts, by name."""
-    assigned = [node for node in ast.parse(source).body if isinstance(node, ast.Assign)]
-    targets = [(one.targets[0], has_blank(one.value)) for one in assigned]
+    """Return the module's constants that are such texts, and all that are patterns with one, by name."""
+    tree = ast.parse(source)
+    assigned = [node for node in ast.walk(tree) if isinstance(node, ast.Assign)]
+    targets = [
+        (one.targets[0], has_blank(pattern_of(one.value) or one.value))
+        for one in assigned
+        if one in tree.body or pattern_of(one.value) is not None
+    ]
     return {name.id: text for name, text in targets if isinstance(name, ast.Name) and text is not None}
+
+
+def pattern_of(value: ast.expr) -> ast.expr | None:
+    """Return what is compiled to a pattern; None of another value, and of a set of characters, which is no text."""
+    if not (isinstance(value, ast.Call) and ast.unparse(value.func) == "re.compile" and value.args):
+        return None
+    pattern = value.args[0]
+    of_one = isinstance(pattern, ast.Constant) and re.fullmatch(r"\[[^]]*\]", str(pattern.value))
+    return None if of_one else pattern
 
 
 @cache
@@ -126,8 +141,11 @@ def decisions_on_sentences(source: str) -> list[tuple[int, str]]:
                 found += [(node.lineno, one) for one in literals(sides, named)]
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
             searched, name = node.func.value, node.func.attr
+            pattern = ast.unparse(searched) if name in PATTERNS and any(map(holds_a_sentence, node.args)) else ""
             of_re = isinstance(searched, ast.Name) and searched.id == "re" and name in PATTERNS
-            if (of_re and any(map(holds_a_sentence, node.args[1:]))) or (
+            if pattern in named:
+                found.append((node.lineno, named[pattern]))
+            elif (of_re and any(map(holds_a_sentence, node.args[1:]))) or (
                 name in SEARCHES and holds_a_sentence(searched)
             ):
                 found += [(node.lineno, one) for one in literals(node.args[:1], named)]
@@ -164,6 +182,9 @@ def test_every_exemption_is_still_needed() -> None:
         'if name.removesuffix(" and area") == x: pass',
         'if re.search("cut off", problem): pass',
         'if f"{role} zero" in source_names: pass',
+        'CUT = re.compile("cut off")\nif CUT.search(problem): pass',
+        'UNIT = re.compile(rf"({NUMBER}) (MPa|m)")\nagain = UNIT.sub(other, reason)',
+        'def told(note):\n    cut = re.compile("cut off")\n    return cut.search(note)',
         'ADDED = "nothing is added"\nif ADDED in note: pass',
         'if first["detail"] in reason: pass',
         'match found:\n    case "cut off here": pass',

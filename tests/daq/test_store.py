@@ -26,6 +26,7 @@ from recoil_acquisition.channel import Channel, RawCounts, Step
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.files.shot_name import shot_name_fault
+from recoil_acquisition.measured import figures_of, measured, worded
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import Check, ClockAlignment, InputFile, QualityCheck, Shot
@@ -270,6 +271,28 @@ def test_numpy_scalars_in_details_are_stored_as_json_numbers(tmp_path: Path) -> 
     shot = replace(make_shot(), alignments=(ClockAlignment("can", 0, 0, 0, 0, "ok", "fixed", (), details),))
     write_shot(shot, tmp_path / "s.h5")
     assert read_shot(tmp_path / "s.h5").alignments[0].details == {"gain": 1.5, "lags": [3], "sure": True}
+
+
+@pytest.mark.parametrize("of_before", [False, True])
+def test_figures_of_checks_reasons_and_doubts_come_back_and_a_file_of_before_has_none(
+    tmp_path: Path, of_before: bool
+) -> None:
+    text = worded("p 20 MPa reads ", measured(12.5, "MPa", ".3g"))
+    shot = make_shot()
+    doubted = replace(shot.alignments[0], status="ambiguous", reasons=("none", text))
+    check, reason = QualityCheck("p", Check.BASELINE, "warn", text), Reason(ReasonCode.NOISE, "p", text)
+    given = replace(shot, alignments=(doubted,), quality=(*shot.quality, check), against_mass=(reason,))
+    path = tmp_path / "0007.h5"
+    write_shot(given, path)
+    if of_before:
+        with h5py.File(path, "r+") as file:
+            groups = ("quality", "against_mass", f"alignment/{doubted.clock}")
+            for group in groups:
+                del file["entry"][group]["figures"]
+    read = read_shot(path)
+    told = (read.quality[-1].detail, read.against_mass[0], read.alignments[0].reasons[1])
+    assert [figures_of(one) for one in told] == 3 * [() if of_before else text.figures]
+    assert read.quality[-1].detail == text
 
 
 def test_a_value_without_a_place_in_json_is_the_callers_mistake(tmp_path: Path) -> None:

@@ -11,10 +11,10 @@
         raw/<clock>/<channel>  what the source stored, as integers, on the same time
         rig                    name, reference_clock, text; databases/*: NXnote
         inputs                 one row per file: name, sha256, size, source, reader
-        alignment/<clock>      offset_s, u_offset_s, drift, u_drift, status, method, reasons, details
-        quality                one row per check: channel, check, verdict, detail; attribute state (usable, record
-                               only, not usable)
-        against_mass           one row per reason against the mass beside failed checks: code, about, text
+        alignment/<clock>      offset_s, u_offset_s, drift, u_drift, status, method, reasons and their figures, details
+        quality                one row per check: channel, check, verdict, detail, figures of the detail (JSON);
+                               attribute state (usable, record only, not usable)
+        against_mass           one row per reason against the mass beside failed checks: code, about, text, figures
         acquisition            NXnote: how it was acquired live, JSON; absent if it is not known
         clock_fits/<source>    NXnote: how a device's clock relates to the host's, JSON; absent if there is none
         history/step_<k>       NXprocess: program, version, sequence_index, what, parameters
@@ -35,6 +35,7 @@ Four points are decisions:
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from importlib import metadata
 from typing import Any
 
@@ -43,6 +44,7 @@ import numpy as np
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.channel import Step
 from recoil_acquisition.files.strict_json import read_json
+from recoil_acquisition.measured import Worded, beside, with_figures
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import ClockAlignment, InputFile, QualityCheck, Shot, doubted_clocks
 from recoil_acquisition.store.channel_layout import read_channels, write_channels
@@ -60,6 +62,7 @@ from recoil_acquisition.usability import usability
 SCHEMA = "recoil-daq/shot/1"
 PROGRAM = "recoil-daq"
 AGAINST_MASS = "against_mass"
+FIGURES = "figures"
 """Group of what speaks against the mass although no check failed."""
 
 ENTRY_NAMES = frozenset(
@@ -200,7 +203,8 @@ def read_quality(entry: Any) -> tuple[QualityCheck, ...]:
     rows = read_table(entry["quality"], ("channel", "check", "verdict", "detail"))
     for row in rows:
         _one_of(row["verdict"], ("ok", "warn", "fail"))
-    return tuple(QualityCheck.named(**row) for row in rows)
+    details = _worded(entry["quality"], [row["detail"] for row in rows])
+    return tuple(QualityCheck.named(**row | {"detail": detail}) for row, detail in zip(rows, details, strict=True))
 
 
 def read_against_mass(entry: Any) -> tuple[Reason, ...]:
@@ -215,11 +219,34 @@ def read_against_mass(entry: Any) -> tuple[Reason, ...]:
     if group is None:
         return doubted_clocks([a for a in read_alignments(entry) if a.status == "ambiguous"])
     rows = read_table(group, ("code", "about", "text"))
-    found = tuple(Reason(ReasonCode(row["code"]), row["about"], row["text"]) for row in rows)
+    texts = _worded(group, [row["text"] for row in rows])
+    found = tuple(Reason(ReasonCode(row["code"]), row["about"], text) for row, text in zip(rows, texts, strict=True))
     state = usability([check for check in read_quality(entry) if check.verdict == "fail"], found)
     if str(quality.attrs.get("state")) != state:
         raise ValueError(f"the state {str(quality.attrs.get('state'))!r:.40} is not that of its checks, {state.value}")
     return found
+
+
+def _worded(group: Any, texts: list[str]) -> list[Worded]:
+    """Return the texts of a table with their figures; files of before state none."""
+    if FIGURES not in group:
+        return [Worded(text) for text in texts]
+    return _with_figures(texts, [row[FIGURES] for row in read_table(group, (FIGURES,))])
+
+
+def _reasons(group: Any) -> tuple[str, ...]:
+    """Read the doubts of an alignment with their figures; files of before state none."""
+    texts = _texts(_json(group, "reasons"))
+    return tuple(_with_figures(texts, _texts(_json(group, FIGURES)))) if FIGURES in group else texts
+
+
+def _with_figures(texts: Sequence[str], figures: Sequence[str]) -> list[Worded]:
+    return [with_figures(text, {FIGURES: read_json(one)}) for text, one in zip(texts, figures, strict=True)]
+
+
+def _figures(texts: Iterable[str]) -> list[str]:
+    """Return the column of the figures of texts."""
+    return [json_text(beside(text).get(FIGURES, [])) for text in texts]
 
 
 def read_alignments(entry: Any) -> tuple[ClockAlignment, ...]:
@@ -232,7 +259,7 @@ def read_alignments(entry: Any) -> tuple[ClockAlignment, ...]:
             **{name: float(group[name][()]) for name in numbers},
             status=_one_of(read_text(group, "status"), ("ok", "ambiguous", "failed")),
             method=read_text(group, "method"),
-            reasons=_texts(_json(group, "reasons")),
+            reasons=_reasons(group),
             details=_object(_json(group, "details")) if "details" in group else None,
         )
         for group in groups
@@ -291,6 +318,7 @@ def _write_alignments(entry: Any, alignments: tuple[ClockAlignment, ...]) -> Non
         write_text(own, "status", alignment.status)
         write_text(own, "method", alignment.method)
         write_text(own, "reasons", json_text(list(alignment.reasons)))
+        write_text(own, FIGURES, json_text(_figures(alignment.reasons)))
         if alignment.details is not None:
             write_text(own, "details", json_text(alignment.details))
 
@@ -299,14 +327,13 @@ def _write_quality(entry: Any, shot: Shot) -> None:
     group = new_group(entry, "quality", "NXcollection")
     group.attrs["state"] = shot.state.value
     rows = [check.to_json() for check in shot.quality]
-    write_table(group, {key: [row[key] for row in rows] for key in ("channel", "check", "verdict", "detail")})
+    columns = {key: [row[key] for row in rows] for key in ("channel", "check", "verdict", "detail")}
+    write_table(group, columns | {FIGURES: _figures(check.detail for check in shot.quality)})
 
 
 def _write_against_mass(entry: Any, shot: Shot) -> None:
-    write_table(
-        new_group(entry, AGAINST_MASS, "NXcollection"),
-        {key: [str(one.to_json()[key]) for one in shot.against_mass] for key in ("code", "about", "text")},
-    )
+    columns = {key: [str(one.to_json()[key]) for one in shot.against_mass] for key in ("code", "about", "text")}
+    write_table(new_group(entry, AGAINST_MASS, "NXcollection"), columns | {FIGURES: _figures(shot.against_mass)})
 
 
 def _write_history(entry: Any, shot: Shot) -> None:

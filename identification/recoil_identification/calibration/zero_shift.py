@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.measured import Worded, joined, measured, worded
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.estimate.mass import ACCELERATION
 from recoil_identification.inference.score import Scores
@@ -96,16 +97,24 @@ class ZeroShift:
             u_kick_m_s=u[-1] if kicks else 0.0,
         )
 
+    @property
+    def told(self) -> Worded:
+        """By how much it shifted, in words."""
+        parts = list[str]()
+        for opened, size, u, unit, forms, closed in (
+            ("by ", self.step_m_s2, self.u_step_m_s2, "m/s^2", ("+.3g", ".2g"), ") to stay"),
+            ("by ", self.decaying_m_s2, self.u_decaying_m_s2, "m/s^2", ("+.3g", ".2g"),
+             f") that decay in {1e3 * self.time_constant_s:g} ms"),
+            ("with a kick of ", self.kick_m_s, self.u_kick_m_s, "m/s", ("+.2g", ".1g"), ")"),
+        ):  # fmt: skip
+            if u:
+                parts.append(
+                    worded(opened, measured(size, unit, forms[0]), " (u ", measured(u, unit, forms[1]), closed)
+                )
+        return joined(" and ", parts or ["not at all"])
+
     def __str__(self) -> str:
-        parts = []
-        if self.u_step_m_s2:
-            parts.append(f"by {self.step_m_s2:+.3g} m/s^2 (u {self.u_step_m_s2:.2g} m/s^2) to stay")
-        if self.u_decaying_m_s2:
-            decay = f"by {self.decaying_m_s2:+.3g} m/s^2 (u {self.u_decaying_m_s2:.2g} m/s^2)"
-            parts.append(f"{decay} that decay in {1e3 * self.time_constant_s:g} ms")
-        if self.u_kick_m_s:
-            parts.append(f"with a kick of {self.kick_m_s:+.2g} m/s (u {self.u_kick_m_s:.1g} m/s)")
-        return " and ".join(parts) or "not at all"
+        return str(self.told)
 
 
 def shift_columns(regression: Regression) -> Array:

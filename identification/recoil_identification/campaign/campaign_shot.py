@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
 
+from recoil_acquisition.measured import beside, with_figures
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_identification.shot.baseline import Baseline
 from recoil_identification.shot.shot_summary import ShotSummary
@@ -81,7 +82,7 @@ class CampaignShot:
     log: Mapping[str, Any] = field(default_factory=dict)
     peaks: Mapping[str, float] = field(default_factory=dict)
     baseline: tuple[Baseline, ...] = ()
-    assumptions: tuple[Mapping[str, str], ...] = ()
+    assumptions: tuple[Mapping[str, Any], ...] = ()
     valid: bool = True
     reasons: tuple[str, ...] = ()
     changes: bool = False
@@ -120,6 +121,7 @@ class CampaignShot:
                 baseline=tuple(Baseline.of_json(one) for one in document.get("baseline") or ()),
                 assumptions=tuple(
                     {key: str(one[key]) for key in ("quantity", "taken", "detail")}
+                    | beside(with_figures(str(one["taken"]), one))
                     for one in document.get("assumptions") or ()
                 ),
                 valid=document["valid"],

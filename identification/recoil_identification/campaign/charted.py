@@ -14,6 +14,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from recoil_acquisition.measured import Worded, measured, worded
 from recoil_acquisition.remark import Caution
 from recoil_identification.campaign.changes import MASS
 from recoil_identification.campaign.charts import (
@@ -80,25 +81,28 @@ class ChartSignal:
     provisional: bool = False
 
     @property
-    def told(self) -> str:
+    def told(self) -> Worded:
         """The quantity, without the name of the sensor."""
         limits = ", limits provisional" if self.provisional else ""
         if self.rule == TREND_RULE:
             scale, unit = (100.0, "%") if self.unit == "1" else (1.0, self.unit)
             size, u = scale * (self.size or 0.0), scale * (self.u or 0.0)
-            what = f"a trend of {size:+.3g} {unit}, u {u:.2g} {unit}, from shot {self.shots[0]} to {self.shots[-1]}"
+            what = worded(
+                "a trend of ", measured(size, f"{unit}", "+.3g"), ", u ", measured(u, f"{unit}", ".2g"),
+                f", from shot {self.shots[0]} to {self.shots[-1]}",
+            )  # fmt: skip
         else:
             more = f" and {len(self.shots) - MOST_TOLD} more" if len(self.shots) > MOST_TOLD else ""
             where = f"shot{'s' if len(self.shots) > 1 else ''} {', '.join(self.shots[:MOST_TOLD])}{more}"
-            what = f"{MEANINGS[self.rule]} at {where} ({self.rule}{limits})"
-        return f"{self.quantity.short}: {what}"
+            what = Worded(f"{MEANINGS[self.rule]} at {where} ({self.rule}{limits})")
+        return worded(f"{self.quantity.short}: ", what)
 
     def remark(self) -> Caution:
         """Return it as a warning."""
-        return Caution(SignalKind.CHART, self.influence, str(self))
+        return Caution(SignalKind.CHART, self.influence, worded(f"{self.influence}, ", self.told))
 
     def __str__(self) -> str:
-        return f"{self.influence}, {self.told}"
+        return str(self.remark())
 
 
 @dataclass(frozen=True, eq=False)

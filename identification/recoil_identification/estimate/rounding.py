@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 import re
 
+from recoil_acquisition.measured import Worded, measured
+
 NO_NUMBER = "–"
 MINUS = "\N{MINUS SIGN}"
 THIN = "\N{NARROW NO-BREAK SPACE}"
@@ -100,11 +102,13 @@ def prefixed(value: float | None, unit: str) -> tuple[float, str]:
     return next(((1.0 / step, f"{prefix}{unit}") for step, prefix in PREFIXES if size >= 10 * step), (1.0, unit))
 
 
-def in_unit(value: float, digits: int, unit: str) -> str:
+def in_unit(value: float, digits: int, unit: str) -> Worded:
     """Write a number to so many significant digits with its unit, prefixed as it reads best; none is written of 1.
 
     >>> in_unit(58.1e6, 2, "N m/rad")
     '58 MN m/rad'
     """
     factor, name = prefixed(value, unit)
-    return f"{significant(factor * value, digits)} {'' if name == '1' else name}".rstrip()
+    if name == "1":
+        return Worded(significant(value, digits))
+    return measured(factor * value, name, lambda number: significant(number, digits))

@@ -254,10 +254,11 @@ def _chart(one: Charted) -> dict[str, Any]:
     }
 
 
-def _assumptions(campaign: Campaign) -> list[dict[str, str]]:
+def _assumptions(campaign: Campaign) -> list[dict[str, Any]]:
     """List what the shots' reports take for granted, each once."""
-    found = (tuple(one.items()) for used in campaign.shots for one in used.shot.assumptions)
-    return [dict(one) for one in dict.fromkeys(found)]
+    assumed = [one for used in campaign.shots for one in used.shot.assumptions]
+    found = {(one["quantity"], one["taken"], one["detail"]): one for one in assumed}
+    return [dict(one) for one in found.values()]
 
 
 def _learnt(one: Learnt) -> dict[str, Any]:

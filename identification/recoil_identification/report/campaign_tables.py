@@ -299,7 +299,7 @@ def _cell(value: Any) -> str:
 
 def assumed(document: Document) -> list[str]:
     """Say in a line for each kind what the shots' reports take for granted."""
-    return assumption_lines(document.get("assumptions") or ())
+    return list(assumption_lines(document.get("assumptions") or ()))
 
 
 def notes(document: Document) -> list[str]:

@@ -1,33 +1,29 @@
 """Units by choice: figures and numbers of a page in the units that its reader knows.
 
 Everything is reckoned in SI, and stands in SI in documents and tables for machines. What a rig's ``[report]`` or a
-header file chooses is applied here, at the edge, to figures that are composed and to numbers that are written, those
-within a sentence among them.
+header file chooses is applied here, at the edge, to figures that are composed, to columns of one unit, and to those
+figures of a text that it knows as values (`recoil_acquisition.measured`). No text is searched: what looks like a figure
+in a name is none.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from recoil_acquisition.measured import Worded, figures_of, with_figures
 from recoil_acquisition.quantity import Unit, find_unit
 from recoil_identification.estimate.rounding import MINUS, significant
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace
 
-_SPELLED = ("GPa", "MPa", "kPa", "Pa", "MN", "kN", "N", "m/s²", "m/s^2", "m/s2", "mm/s", "m/s", "rad/s", "mm", "m")
-"""Units of what a reader may choose, as sentences and headings of documents spell them."""
-_NUMBER = r"[+\-\u2212]?\d+(?:\.\d+)?(?:e[+\-\u2212]?\d+)?"
-_MEASURED = re.compile(
-    rf"(?<![\w.,/\-\u2212])({_NUMBER})((?:(?: to | and | … | ± |, ){_NUMBER})*) ({'|'.join(map(re.escape, _SPELLED))})"
-    rf"(?![\w/²^]| (?:s|m|mm|m/s)\b)( \(u {_NUMBER}\))?"
-)
-"""A number, or several of one unit, with it behind them, and their uncertainty; products of units are others."""
-_ONE_NUMBER = re.compile(_NUMBER)
+_NUMBER = re.compile(r"[+\-\u2212]?\d+(?:\.\d+)?(?:e[+\-\u2212]?\d+)?")
+TEXTS = (("findings", "text"), ("quality", "detail"), ("quantities", "basis"))
+"""Lists of a document whose entries state figures, and the key of the text that these are of."""
 
 
 @dataclass(frozen=True)
@@ -38,16 +34,22 @@ class ChosenUnits:
     ----------
     by_quantity
         Quantity -> spelling of its unit; SI of those that are not there.
+    stated
+        Texts of the document -> the same with the figures that it states beside them.
     """
 
     by_quantity: Mapping[str, str]
+    stated: Mapping[str, Worded] = field(default_factory=dict)
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> ChosenUnits:
         """Return those of a document, which states what it was issued with."""
         names = [str(name) for name in (document.get("issued") or {}).get("units") or ()]
         units = [(name, find_unit(name)) for name in names]
-        return cls({quantity: name for name, unit in units if unit is not None for quantity in unit.quantities})
+        chosen = {quantity: name for name, unit in units if unit is not None for quantity in unit.quantities}
+        beside = [(row, key) for rows, key in TEXTS for row in document.get(rows) or ()] + [(document, "summary")]
+        said = [with_figures(str(row[key]), row) for row, key in beside if row.get("figures")] if chosen else []
+        return cls(chosen, {str(one): one for one in said})
 
     def factor(self, unit: str) -> tuple[float, str]:
         """Return the factor from a unit to the one chosen, and that one's name; 1 and its own where none is."""
@@ -59,16 +61,18 @@ class ChosenUnits:
         return (1.0, unit) if chosen is None or name is None else (_ratio(written, chosen), name)
 
     def text(self, text: str) -> str:
-        """Return a text with its numbers in these units, each with as many digits as it has there."""
-        return _MEASURED.sub(self._again, text) if self.by_quantity else text
+        """Return a text with its figures in these units, each with as many digits as it has there.
 
-    def _again(self, found: re.Match[str]) -> str:
-        factor, name = self.factor(found[3])
-        if name == found[3]:
-            return found[0]
-        one, others, u = (_ONE_NUMBER.sub(lambda number: scaled_text(number[0], factor), part or "")
-                          for part in (found[1], found[2], found[4]))  # fmt: skip
-        return f"{one}{others} {name}{u}"
+        They are those that the text knows, or that the document states of it; all else stays as it is.
+        """
+        parts, at = list[str](), 0
+        for one in figures_of(text) or figures_of(self.stated.get(text, "")):
+            number, blank, _ = text[one.start : one.end].partition(" ")
+            factor, name = self.factor(one.unit)
+            if name != one.unit:
+                parts += [text[at : one.start], _written_as(number, factor * one.value), blank, name if blank else ""]
+                at = one.end
+        return "".join([*parts, text[at:]])
 
     def figures(self, figures: Sequence[Figure]) -> list[Figure]:
         """Return figures with their panels in these units; a panel whose traces have several keeps them."""
@@ -100,12 +104,16 @@ def scaled_text(text: str, factor: float) -> str:
     >>> scaled_text("-128.40", 10.0)
     '-1284.0'
     """
-    if _ONE_NUMBER.fullmatch(text) is None:
+    if _NUMBER.fullmatch(text) is None:
         return text
-    minus = MINUS if MINUS in text else "-"
-    digits = len(re.sub(r"e.*|\D", "", text).lstrip("0"))
-    again = significant(factor * float(text.replace(MINUS, "-")), max(digits, 1)).replace(MINUS, minus)
-    return f"+{again}" if text.startswith("+") else again
+    return _written_as(text, factor * float(text.replace(MINUS, "-")))
+
+
+def _written_as(number: str, value: float) -> str:
+    """Write a value with as many significant digits as a number that is written, and with its signs."""
+    digits = len(re.sub(r"e.*|\D", "", number).lstrip("0"))
+    again = significant(value, max(digits, 1)).replace(MINUS, MINUS if MINUS in number else "-")
+    return f"+{again}" if number.startswith("+") else again
 
 
 def _ratio(written: Unit, chosen: Unit) -> float:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from recoil_acquisition.measured import worded
 from recoil_identification.estimate.rounding import NO_NUMBER
 from recoil_identification.report import campaign_tables, sentences, tables
 from recoil_identification.report.chosen_units import ChosenUnits
@@ -193,7 +194,7 @@ def _of_shot(report: Document) -> Head:
             (PEAKS, tuple(tables.peaks(report))),
             ("The shot", (*((label, text) for label, text in details if text), *conformity, *tables.facts(report))),
         ),
-        lists=(Listed("Notes", (*notes, *([f"Assumed: {assumed}."] if assumed else ()))),),
+        lists=(Listed("Notes", (*notes, *([worded("Assumed: ", assumed, ".")] if assumed else ()))),),
     )
 
 

@@ -223,7 +223,7 @@ def _in_units(part: Part, units: ChosenUnits) -> Part:
 
     def row(cells: Row) -> Row:
         scaled = {key: scaled_text(str(cells[key]), factor) for key, factor in factors.items() if key in cells}
-        return {**cells, **{key: units.text(str(cells[key])) for key in texts if key in cells}, **scaled}
+        return {**cells, **{key: units.text(cells[key]) for key in texts if isinstance(cells.get(key), str)}, **scaled}
 
     return replace(
         part, columns=columns, caption=units.text(part.caption), rows=tuple(map(row, part.rows)),

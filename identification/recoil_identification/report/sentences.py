@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from recoil_acquisition.measured import joined, measured, worded
 from recoil_identification.calibration.methods import AS_RECORDED
 from recoil_identification.estimate.budget import MOST_DEGREES_OF_FREEDOM
 from recoil_identification.estimate.rounding import fixed, plain, signed, significant
@@ -94,7 +95,7 @@ def in_words(report: Report) -> str:
 
 def assumed(report: Report) -> str | None:
     """Say in one line what is taken for granted; None if it is nothing."""
-    return "; ".join(assumption_lines(report.get("assumptions") or ())) or None
+    return joined("; ", assumption_lines(report.get("assumptions") or ())) or None
 
 
 def effective(freedom: float | None) -> str:
@@ -161,15 +162,15 @@ def conditioning(report: Report) -> list[str]:
             "energy; the mass over time and the figures have the whole band."
         )
     if shift.get("demanded"):
-        parts = [
-            f"{significant(shift[key], 3)} m/s² (u {significant(shift['u_' + key], 2)} m/s²) {how}"
-            for key, how in (("step_m_s2", "that stays"), ("decaying_m_s2", "that decays"))
-            if shift.get("u_" + key)
-        ]
         witnesses = "force and camera" if shift.get("confirmed") else "the force alone"
-        sentences.append(
-            f"The accelerometer's zero shifted at the shot, as {witnesses} show: {' and '.join(parts)}; taken off."
-        )
+        parts = list[str]()
+        for key, how in (("step_m_s2", "that stays"), ("decaying_m_s2", "that decays")):
+            if shift.get("u_" + key):
+                size = measured(shift[key], "m/s²", lambda number: significant(number, 3))
+                u = measured(shift["u_" + key], "m/s²", lambda number: significant(number, 2))
+                parts.append(worded(size, " (u ", u, f") {how}"))
+        zero = f"The accelerometer's zero shifted at the shot, as {witnesses} show: "
+        sentences.append(worded(zero, joined(" and ", parts), "; taken off."))
     skew = report.get("skew") or {}
     if skew.get("corrected_s"):
         sentences.append(f"Among the recorder's channels {skew.get('reason', '')}.")

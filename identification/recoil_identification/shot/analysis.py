@@ -9,6 +9,7 @@ import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.linear_algebra import on_one_thread
+from recoil_acquisition.measured import worded
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import Shot
 from recoil_identification.calibration.calibration import Calibration
@@ -85,7 +86,7 @@ def identify_shot(fired: FiredShot, options: Options) -> Identification:
     if options.method != "camera" and (aside := next(iter(set_aside(fired.shot)), None)) is not None:
         # the rig keeps it: what a sensor that was there could have told is in the budget
         found = identify_shot(fired.unrecorded(aside.channel), options)
-        note = Note(NoteCode.SET_ASIDE, aside.channel, f"{aside.channel} is set aside: {aside.detail}")
+        note = Note(NoteCode.SET_ASIDE, aside.channel, worded(f"{aside.channel} is set aside: ", aside.detail))
         return replace(found, notes=(note, *found.notes))
     method = options.method or default_method(fired)
     if method == "camera" and fired.rig.mechanism.mounted:

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.chain_suspicion import ChainSuspicion
@@ -189,8 +190,11 @@ def _against_the_fit(route: Route) -> Iterator[Reason]:
         yield Reason(
             ReasonCode.ZERO,
             ACCELERATION,
-            f"either the accelerometer's zero shifted at the shot {shift}, or a gauge is off: without a camera that is "
-            "aligned the shot cannot tell",
+            worded(
+                "either the accelerometer's zero shifted at the shot ",
+                shift.told,
+                ", or a gauge is off: without a camera that is aligned the shot cannot tell",
+            ),
         )
     yield from _against_the_rest(calibration)
     if "kinematic" in estimates:
@@ -250,8 +254,11 @@ def against_the_track(tracked: TrackedRecoil, calibration: Calibration) -> Itera
     noise = noise_sigma(tracked.positions_m)
     if noise > 0 and (found.marker_sigma_m / noise) ** 2 > INNOVATION_LIMITS[1]:
         yield _of_track(
-            f"the camera track is {1e3 * found.marker_sigma_m:.3g} mm off what the forces drive, its own noise is "
-            f"{1e3 * noise:.3g} mm: a dropped frame, a wrong frame rate or a force that is wrong"
+            "the camera track is ",
+            measured(1e3 * found.marker_sigma_m, "mm", ".3g"),
+            " off what the forces drive, its own noise is ",
+            measured(1e3 * noise, "mm", ".3g"),
+            ": a dropped frame, a wrong frame rate or a force that is wrong",
         )
     if found.set_aside > MOST_SET_ASIDE * (found.frames + found.set_aside):
         yield _of_track(f"{found.set_aside} of {found.frames + found.set_aside} frames contradict their neighbours")
@@ -265,8 +272,8 @@ def against_the_track(tracked: TrackedRecoil, calibration: Calibration) -> Itera
             )
 
 
-def _of_track(text: str) -> Reason:
-    return Reason(ReasonCode.TRACK, "recoil_displacement", text)
+def _of_track(*pieces: str) -> Reason:
+    return Reason(ReasonCode.TRACK, "recoil_displacement", worded(*pieces))
 
 
 def against_this_shot(reasons: Sequence[Reason], rig: Rig) -> tuple[Reason, ...]:
@@ -328,9 +335,11 @@ def notes_on(fired: FiredShot, route: Route, trace: MassTrace) -> tuple[Note, ..
     ]
     notes += nearly_doubted(route.calibration)
     if shift is not None and shift.demanded and shift.confirmed:
-        text = (
-            f"the accelerometer's zero shifted at the shot {shift}, as force and camera tell: it is taken off, at the "
-            "cost of a wider interval; check its mounting and charge amplifier"
+        text = worded(
+            "the accelerometer's zero shifted at the shot ",
+            shift.told,
+            ", as force and camera tell: it is taken off, at the cost of a wider interval; check its mounting and "
+            "charge amplifier",
         )
         notes.append(Note(NoteCode.ZERO, ACCELERATION.of, text))
     return tuple(notes)
@@ -346,5 +355,5 @@ def notes_on_track(fired: FiredShot, tracked: TrackedRecoil, calibration: Calibr
         )
         notes.append(Note(NoteCode.CLOCK, tracked.clock.clock, text))
     ignored = [c for c in fired.shot.quality if c.verdict == "fail" and c.channel in unused_channels(fired)]
-    notes += [Note(NoteCode.NOT_USED, c.channel, f"not used: {c.channel}: {c.detail}") for c in ignored]
+    notes += [Note(NoteCode.NOT_USED, c.channel, worded(f"not used: {c.channel}: ", c.detail)) for c in ignored]
     return notes

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.measured import worded
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.rounding import in_kg
 from recoil_identification.shot.analysis import identify_shot
@@ -80,10 +81,12 @@ class Case:
 
     def doubts_of_the_mass(self) -> list[Reason]:
         """Say why the shot's mass is doubtful, and with it what rests on it or on the same accelerometer."""
-        doubts = [reason.again(f"the recoiling mass is doubtful: {reason}") for reason in self.identified.reasons]
+        doubts = [
+            reason.again(worded("the recoiling mass is doubtful: ", reason)) for reason in self.identified.reasons
+        ]
         shift = self.identified.inertial.zero_shift
         if shift.demanded:
-            text = f"the zero of the recoil accelerometer shifted at the shot: {shift}."
+            text = worded("the zero of the recoil accelerometer shifted at the shot: ", shift.told, ".")
             doubts.append(Reason(ReasonCode.ZERO, "recoil_acceleration", text))
         return doubts
 

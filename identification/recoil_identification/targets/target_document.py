@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from recoil_acquisition.measured import beside as figures_beside
 from recoil_acquisition.remark import Remark, findings_of
 from recoil_acquisition.shot import Check, InputFile, Shot
 from recoil_acquisition.store.shot_log_row import ShotLogRow
@@ -65,6 +66,7 @@ def target_document(
     document = {
         "schema": SCHEMA,
         **stated(found, "target", "title", "summary"),
+        **figures_beside(found.summary),
         "shot": shot.name,
         "rig": shot.rig_name,
         **started(shot),
@@ -109,6 +111,7 @@ def _quantity(one: Quantity) -> dict[str, Any]:
         "u": one.u if one.identified else math.nan,
         "U95": list(one.U95) if one.identified else [math.nan, math.nan],
         **stated(one, "unit", "basis"),
+        **figures_beside(one.basis),
         "declared": math.nan if one.expected is None else one.expected,
         "E_n": normalised_error(one),
     }

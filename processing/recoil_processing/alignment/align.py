@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.shot import AlignmentStatus, ClockAlignment
 from recoil_processing.alignment.motion_alignment import INFLATIONS
 from recoil_processing.alignment.motion_fit import MotionFit
@@ -117,7 +118,7 @@ def judge_motion(
     # what a missing frame or a jump does to the fit is stated by itself; the rest is judged without it
     sound = fit.corrected or fit
     doubts, failures = _common_doubts(sound, sound.drift_allowance)
-    doubts = [*(str(fault) for fault in fit.frame_faults), *doubts]
+    doubts = [*(fault.told for fault in fit.frame_faults), *doubts]
     low, high = INNOVATION_LIMITS
     if not low <= sound.innovation_statistic <= high:
         doubts.append(
@@ -156,8 +157,14 @@ def judge_motion(
     # what the forces leave unexplained at rest is no sensor's zero
     if method == "motion" and abs(sound.bias_m_s2) > MOST_BIAS_M_S2 + BIAS_LIMIT_SIGMA * sound.u_bias_m_s2:
         doubts.append(
-            f"the {against} reads {sound.bias_m_s2:+.3g} m/s^2 (u {sound.u_bias_m_s2:.2g} m/s^2) where the camera sees "
-            "no acceleration: take its zero from the time before the shot, and check its sensitivity"
+            worded(
+                f"the {against} reads ",
+                measured(sound.bias_m_s2, "m/s^2", "+.3g"),
+                " (u ",
+                measured(sound.u_bias_m_s2, "m/s^2", ".2g"),
+                ") where the camera sees no acceleration: take its zero from the time before the shot, and check its "
+                "sensitivity",
+            )
         )
     apart = abs(sound.coarse_offset_s - (sound.offset_s + sound.drift * sound.origin_s))
     if apart > max(2e-3, 6 * frame_period_s):

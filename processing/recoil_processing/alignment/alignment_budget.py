@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from recoil_acquisition.measured import worded
 from recoil_acquisition.shot import AlignmentStatus, ClockAlignment
 from recoil_processing.alignment.align import MOST_U_OFFSET_S, hardly_known
 
@@ -45,7 +46,7 @@ def with_second_opinion(found: ClockAlignment, other: ClockAlignment, at_s: floa
     if found.status == "failed":
         return found
     if other.status == "failed":
-        reasons = tuple(f"by {other.method}: {reason}" for reason in other.reasons)
+        reasons = tuple(worded(f"by {other.method}: ", reason) for reason in other.reasons)
         return replace(found, status="ambiguous", reasons=(*found.reasons, *reasons))
     apart = other.to_reference(at_s) - found.to_reference(at_s)
     details = {**(found.details or {}), "second_method": other.method, "second_apart_s": apart}

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.measured import Worded, measured, worded
+
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -44,16 +46,20 @@ class FrameFault:
     log_likelihood_gain: float
     jump_m: float = 0.0
 
-    def __str__(self) -> str:
-        """Say it in a sentence."""
+    @property
+    def told(self) -> Worded:
+        """The fault in a sentence."""
         within = f"{self.first} to {self.last}" if self.last > self.first else f"{self.index}"
         where = f"near frame {self.index} (t = {self.time_s:.4f} s; 95 %: {within}, counted from 0)"
         if self.missing == 0:
-            return f"the track jumps by {1e3 * self.jump_m:+.3g} mm {where}"
+            return worded("the track jumps by ", measured(1e3 * self.jump_m, "mm", "+.3g"), f" {where}")
         what, late = (
             ("one frame is missing", "early") if self.missing > 0 else ("one picture was written twice", "late")
         )
-        return f"{what} {where}: all later times are {1e6 * self.period_s:.1f} us {late}"
+        return Worded(f"{what} {where}: all later times are {1e6 * self.period_s:.1f} us {late}")
+
+    def __str__(self) -> str:
+        return str(self.told)
 
 
 def correct_times(times_s: Array, faults: Sequence[FrameFault]) -> tuple[Array, Flags]:

@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.clocks.timebase import usual_step_s
+from recoil_acquisition.measured import measured, worded
 from recoil_processing.alignment.correlation import CoarseLag, coarse_lag
 from recoil_processing.alignment.dropped_frames import find_frame_faults
 from recoil_processing.alignment.frame_fault import FrameFault, correct_times
@@ -169,7 +170,8 @@ def _fit(
         return f"only {t.size} frames have a position", ()
     marker_sigma = _marker_sigma(displacement_m)
     if np.ptp(z) < LEAST_TRAVEL_SIGMA * marker_sigma:
-        return f"the track does not move: it spans {1e3 * np.ptp(z):.3g} mm at {1e3 * marker_sigma:.2g} mm noise", ()
+        span, noise = measured(1e3 * float(np.ptp(z)), "mm", ".3g"), measured(1e3 * marker_sigma, "mm", ".2g")
+        return worded("the track does not move: it spans ", span, " at ", noise, " noise"), ()
     model = MotionModel(t, z, 0.5 * float(t[0] + t[-1]), integral, shifted_from_s, kicks_s, u_bend_m)
     if shifted_from_s is None:
         by_camera, felt = camera_velocity(t, z), integral.velocity

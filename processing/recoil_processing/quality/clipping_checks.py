@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.measured import Worded, joined, measured, worded
 from recoil_processing.gaps import longest_run
 from recoil_processing.noise import noise_sigma
 from recoil_processing.quality.level_checks import NO_SAMPLE
@@ -77,7 +78,7 @@ def check_clipping(samples: Array, low: float, high: float, *, unit: str) -> Out
     beyond = BIASED_SHARE * (high - low)
     if not low - beyond <= rest <= high + beyond:
         remedy = "state `zero` of a sensor with a bias, else correct `range` or `sensitivity`"
-        return "fail", f"it rests at {rest:.4g} {unit}, beyond its range {shown}: {remedy}"
+        return "fail", worded("it rests at ", measured(rest, unit, ".4g"), f", beyond its range {shown}: {remedy}")
     counts = {"high": int(np.count_nonzero(found.above)), "low": int(np.count_nonzero(found.below))}
     ends = [name for name, count in counts.items() if count]
     if not ends:
@@ -91,22 +92,26 @@ def check_clipping(samples: Array, low: float, high: float, *, unit: str) -> Out
     limit = LIMITS["clipped_share"]
     named = "both ends" if len(ends) == 2 else f"the {ends[0]} end"
     verdict = "warn" if limit.verdict(share) == "ok" else limit.verdict(share)
-    return verdict, (
+    return verdict, worded(
         f"range too small: {sum(counts.values())} samples, {100 * share:.1f} % of the pulse (limit "
-        f"{100 * limit.fail:g} %), at {named} of {shown}; {_wider(ends, low, high, unit)} before the next shot"
+        f"{100 * limit.fail:g} %), at {named} of {shown}; ",
+        _wider(ends, low, high, unit),
+        " before the next shot",
     )
 
 
-def _wider(ends: Sequence[str], low: float, high: float, unit: str) -> str:
+def _wider(ends: Sequence[str], low: float, high: float, unit: str) -> Worded:
     """Say how to choose a range whose ends do not cut off, or that what goes beyond its shorter side is upside down."""
-    span, parts = high - low, []
+    span, parts = high - low, list[Worded]()
     if "high" in ends:
-        parts.append(f"raise the range beyond {high + max(abs(high), ZERO_SHARE * span) / 2:.3g} {unit}")
+        above = high + max(abs(high), ZERO_SHARE * span) / 2
+        parts.append(worded("raise the range beyond ", measured(above, unit, ".3g")))
     if "low" in ends:
-        parts.append(f"let the range begin below {low - max(abs(low), ZERO_SHARE * span) / 2:.3g} {unit}")
-    widened = " and ".join(parts)
+        below = low - max(abs(low), ZERO_SHARE * span) / 2
+        parts.append(worded("let the range begin below ", measured(below, unit, ".3g")))
+    widened = joined(" and ", parts)
     if len(ends) == 1 and (-low < high if "low" in ends else high < -low):
-        return f"change the `polarity` of its channel in the rig if the pulse is upside down, else {widened}"
+        return worded("change the `polarity` of its channel in the rig if the pulse is upside down, else ", widened)
     return widened
 
 
@@ -116,15 +121,19 @@ def _within(samples: Array, low: float, high: float, *, shown: str, unit: str) -
     rest, top, bottom, span = (float(v) for v in (np.median(present), present.max(), present.min(), high - low))
     for name, outside, reading in (("high", rest - high, rest), ("low", low - rest, rest)):
         if outside > ZERO_SHARE * span:
-            return "fail", (
-                f"rests at {reading:.3g} {unit}, beyond the {name} end of {shown}: zero the sensor, or correct its "
-                "range, unit or polarity, before the next shot"
+            return "fail", worded(
+                "rests at ",
+                measured(reading, unit, ".3g"),
+                f", beyond the {name} end of {shown}: zero the sensor, or correct its "
+                "range, unit or polarity, before the next shot",
             )
     for name, outside, reading in (("high", top - high, top), ("low", low - bottom, bottom)):
         if outside > FAR_SHARE * span:
-            return "fail", (
-                f"goes to {reading:.3g} {unit}, far beyond the {name} end of {shown}: correct the sensor's range, unit "
-                "or polarity before the next shot"
+            return "fail", worded(
+                "goes to ",
+                measured(reading, unit, ".3g"),
+                f", far beyond the {name} end of {shown}: correct the sensor's range, unit "
+                "or polarity before the next shot",
             )
     used = max(top / high if high > 0 else 0.0, bottom / low if low < 0 else 0.0, 0.0)
     return "ok", f"peak uses {100 * used:.0f} % of the range {shown}"

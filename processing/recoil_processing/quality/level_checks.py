@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.measured import measured, worded
 from recoil_processing.noise import robust_sigma
 from recoil_processing.quality.limits import LIMITS, Outcome
 
@@ -52,21 +53,23 @@ def check_baseline(samples: Array, in_baseline: Flags, static: float | None, *, 
     peak = float(np.max(np.abs(samples[present] - np.mean(baseline))))
     noise = float(np.std(baseline))
     if peak == 0:
-        return "fail", f"the signal never leaves {baseline[0]:.3g} {unit}: check gain and cable"
+        found = measured(float(baseline[0]), unit, ".3g")
+        return "fail", worded("the signal never leaves ", found, ": check gain and cable")
     ratio_db = 20 * math.log10(peak / noise) if noise > 0 else math.inf
     offset = 0.0 if static is None else float(np.mean(baseline)) - static
-    text = f"offset {offset:.3g} {unit}, noise {noise:.3g} {unit}"
-    text += f", peak {ratio_db:.0f} dB above it" if noise > 0 else " (below the resolution)"
+    above = f", peak {ratio_db:.0f} dB above it" if noise > 0 else " (below the resolution)"
+    text = worded("offset ", measured(offset, unit, ".3g"), ", noise ", measured(noise, unit, ".3g"), above)
     limit_db, limit_offset = LIMITS["signal_to_noise_db"], LIMITS["offset_share"]
     share = abs(offset) / peak
     if ratio_db < limit_db.fail:
-        return "fail", f"{text}; below {limit_db.fail:.0f} dB: check gain and cable"
+        return "fail", worded(text, f"; below {limit_db.fail:.0f} dB: check gain and cable")
     if share > limit_offset.fail:
-        return "fail", f"{text}; the offset is {100 * share:.0f} % of the peak: zero the sensor"
+        return "fail", worded(text, f"; the offset is {100 * share:.0f} % of the peak: zero the sensor")
     if ratio_db < limit_db.warn:
-        return "warn", f"{text}; below {limit_db.warn:.0f} dB: a smaller range would help"
+        return "warn", worded(text, f"; below {limit_db.warn:.0f} dB: a smaller range would help")
     if share > limit_offset.warn:
-        return "warn", f"{text}; the offset is {100 * share:.1f} % of the peak: zero the sensor before the next shot"
+        remedy = f"; the offset is {100 * share:.1f} % of the peak: zero the sensor before the next shot"
+        return "warn", worded(text, remedy)
     return "ok", text
 
 
@@ -96,18 +99,24 @@ def check_steady_baseline(samples: Array, in_baseline: Flags, *, unit: str) -> O
     limit = LIMITS["baseline_share"]
     bound = f"(limit {100 * limit.warn:g} % of the peak)"
     if abs(moved) > HALVES_SIGMA * error and limit.verdict(abs(moved) / max(peak, 1e-300)) != "ok":
-        return "warn", (
-            f"the level before the shot moves by {moved:+.3g} {unit}, {100 * abs(moved) / peak:.2f} % of the peak "
-            f"{bound}; wait until the mechanism is at rest and the sensor has settled before the next shot"
+        return "warn", worded(
+            "the level before the shot moves by ",
+            measured(moved, unit, "+.3g"),
+            f", {100 * abs(moved) / peak:.2f} % of the peak {bound}; wait until the mechanism is at rest and the "
+            "sensor has settled before the next shot",
         )
     first, second = (robust_sigma(h) for h in halves)
     louder, quieter = max(first, second), min(first, second)
     if half >= LEAST_PER_HALF and louder > LOUDER * quieter and limit.verdict(louder / max(peak, 1e-300)) != "ok":
-        return "warn", (
-            f"the noise before the shot changes from {first:.3g} to {second:.3g} {unit} {bound}; look for a loose "
-            "cable, or somebody at the mechanism, before the next shot"
+        return "warn", worded(
+            "the noise before the shot changes from ",
+            measured(first, unit, ".3g", unit_follows=True),
+            " to ",
+            measured(second, unit, ".3g"),
+            f" {bound}; look for a loose cable, or somebody at the mechanism, before the next shot",
         )
-    return "ok", f"level and noise of the pre-trigger baseline are steady within {abs(moved):.2g} {unit}"
+    steady = "level and noise of the pre-trigger baseline are steady within "
+    return "ok", worded(steady, measured(abs(moved), unit, ".2g"))
 
 
 def check_filtered_noise(filtered: Array, in_baseline: Flags, pulse: Flags, *, needed: bool) -> Outcome:
@@ -160,11 +169,14 @@ def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit:
     error = math.sqrt(sum(float(np.var(b, ddof=1)) / b.size for b in blocks))
     peak = float(np.max(np.abs(samples[present] - np.mean(before))))
     sure = max(abs(shift) - 3 * error - 2 * u_moving, 0.0) / max(peak, 1e-300)
-    text = (
-        f"zero after the shot {shift:+.3g} {unit} (u {error:.2g} {unit}) off the one before, "
-        f"{100 * abs(shift) / peak:.2f} % of the peak"
+    text = worded(
+        "zero after the shot ",
+        measured(shift, unit, "+.3g"),
+        " (u ",
+        measured(error, unit, ".2g"),
+        f") off the one before, {100 * abs(shift) / peak:.2f} % of the peak",
+        *(("; stated to move by ", measured(u_moving, unit, ".2g"), " (u)") if u_moving else ()),
     )
-    text += f"; stated to move by {u_moving:.2g} {unit} (u)" if u_moving else ""
     remedy = "; check its mounting, its temperature and its charge amplifier before the next shot"
     return LIMITS["zero_shift_share"].outcome(sure, text, remedy, share=True)
 
@@ -183,11 +195,16 @@ def check_zero_shift(bias: float, u_bias: float, peak: float, *, unit: str, agai
         Sensor that the zero is compared with, in words.
     """
     if not (math.isfinite(bias) and peak > 0):
-        return "warn", f"zero moved by {bias:.3g} {unit} at a peak of {peak:.3g} {unit}: check both records"
+        moved, at = measured(bias, unit, ".3g"), measured(peak, unit, ".3g")
+        return "warn", worded("zero moved by ", moved, " at a peak of ", at, ": check both records")
     share = abs(bias) / peak
     sure = max(abs(bias) - 3 * u_bias, 0.0) / peak
-    text = (
-        f"zero moved by {bias:+.3g} {unit} (u {u_bias:.2g} {unit}) against {against}, {100 * share:.2f} % of the peak"
+    text = worded(
+        "zero moved by ",
+        measured(bias, unit, "+.3g"),
+        " (u ",
+        measured(u_bias, unit, ".2g"),
+        f") against {against}, {100 * share:.2f} % of the peak",
     )
     remedy = "; check its mounting and charge amplifier before the next shot"
     return LIMITS["zero_shift_share"].outcome(sure, text, remedy, share=True)

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from recoil_acquisition.measured import worded
 from recoil_acquisition.shot import Verdict
 
 Outcome = tuple[Verdict, str]
@@ -69,7 +70,7 @@ class Limit:
             return "ok", text
         bound = self.fail if verdict == "fail" else self.warn
         shown = f"{100 * bound:g} %" if share else f"{bound:g}{unit}"
-        return verdict, f"{text} (limit {shown}){remedy}"
+        return verdict, worded(text, f" (limit {shown}){remedy}")
 
 
 LIMITS: Mapping[str, Limit] = MappingProxyType(

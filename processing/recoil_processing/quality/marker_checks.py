@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.measured import measured, worded
 from recoil_processing.noise import hiding_resolution, noise_sigma, robust_sigma
 from recoil_processing.quality.frame_checks import SHOWN
 from recoil_processing.quality.limits import LIMITS, Outcome
@@ -63,14 +64,14 @@ def check_marker_noise(times_s: Array, positions: Array, *, unit: str) -> Outcom
     whole = noise_sigma(kept)
     if not math.isfinite(whole):
         return "ok", f"{np.count_nonzero(np.isfinite(kept))} positions: {TOO_FEW}"
-    text = f"noise {whole:.2g} {unit}"
+    text = worded("noise ", measured(whole, unit, ".2g"))
     resolution = hiding_resolution(kept)
     if resolution is not None:
-        return "ok", f"{text}: below the resolution of {resolution:.2g} {unit}"
+        return "ok", worded(text, ": below the resolution of ", measured(resolution, unit, ".2g"))
     if whole == 0:
         return (
             "warn",
-            f"{text}: the track was smoothed or filled by the software; export the tracked positions themselves",
+            worded(text, ": the track was smoothed or filled by the software; export the tracked positions themselves"),
         )
     edges = np.searchsorted(times_s, np.arange(times_s[0], times_s[-1] + BLOCK_S, BLOCK_S))
     noisiest, at_s = 0.0, times_s[0]
@@ -82,7 +83,7 @@ def check_marker_noise(times_s: Array, positions: Array, *, unit: str) -> Outcom
         if sigma > noisiest:
             noisiest, at_s = sigma, times_s[first]
     ratio = noisiest / whole
-    text += f", at most {ratio:.1f} times that in {1e3 * BLOCK_S:g} ms"
+    text = worded(text, f", at most {ratio:.1f} times that in {1e3 * BLOCK_S:g} ms")
     remedy = (
         f", from {at_s:.3f} s of the track: blur, smoke or poor light; shorten the exposure and light the mark better "
         "before the next shot"
@@ -150,10 +151,12 @@ def check_jumps(times_s: Array, positions: Array, *, unit: str) -> Outcome:
     i = int(np.argmax(size))
     speed = size[i] / float(times_s[jumps[i]] - times_s[before[i]])
     shown = ", ".join(f"{t:.4f}" for t in times_s[jumps[:SHOWN]]) + (" ..." if jumps.size > SHOWN else "")
-    return "warn", (
-        f"{jumps.size} jumps of the mark at {shown} s of the track, the largest {size[i]:.3g} {unit} at {speed:.3g} "
-        f"{unit}/s, faster than the motion: the tracker took another feature; track it again with a smaller search "
-        "window"
+    return "warn", worded(
+        f"{jumps.size} jumps of the mark at {shown} s of the track, the largest ",
+        measured(float(size[i]), unit, ".3g"),
+        " at ",
+        measured(float(speed), f"{unit}/s", ".3g"),
+        ", faster than the motion: the tracker took another feature; track it again with a smaller search window",
     )
 
 
@@ -176,8 +179,10 @@ def check_distance(first: Array, second: Array, *, unit: str) -> Outcome:
     width = min(LEAST_BLOCK, present.size)
     means = np.mean(np.lib.stride_tricks.sliding_window_view(present, width), axis=1)
     largest = float(np.max(np.abs(means - middle)))
-    text = (
-        f"distance {middle:.4g} {unit}, its mean over {width} frames at most {largest / sigma:.1f} times its noise off"
+    text = worded(
+        "distance ",
+        measured(middle, unit, ".4g"),
+        f", its mean over {width} frames at most {largest / sigma:.1f} times its noise off",
     )
     remedy = (
         ": one of the two marks slips, or turns out of the picture's plane; fix the marks, and set the camera square "

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_processing.quality.level_checks import NO_SAMPLE
 from recoil_processing.quality.limits import LIMITS, Outcome
@@ -105,17 +106,22 @@ def check_velocity(error: VelocityError) -> Outcome:
         moved can be corrected.
     """
     if not (math.isfinite(error.largest_m_s) and error.peak_m_s > 0):
-        return "warn", f"velocity off by {error.largest_m_s:.3g} m/s at {error.peak_m_s:.3g} m/s: check both records"
+        off, at = (measured(size, "m/s", ".3g") for size in (error.largest_m_s, error.peak_m_s))
+        return "warn", worded("velocity off by ", off, " at ", at, ": check both records")
     share, left = abs(error.largest_m_s) / error.peak_m_s, error.left_m_s / error.peak_m_s
     limit = LIMITS["velocity_share"]
-    text = (
-        f"the accelerometer's velocity is at most {error.largest_m_s:+.3g} m/s off, {100 * share:.1f} % of "
-        f"{error.peak_m_s:.3g} m/s"
+    text = worded(
+        "the accelerometer's velocity is at most ",
+        measured(error.largest_m_s, "m/s", "+.3g"),
+        f" off, {100 * share:.1f} % of ",
+        measured(error.peak_m_s, "m/s", ".3g"),
     )
     if limit.verdict(share) != "ok" and left < EXPLAINED * share:
-        return "fail" if limit.verdict(left) == "fail" else "warn", (
-            f"{text} (limit {100 * limit.warn:g} %); a zero that is off by {error.zero_m_s2:+.3g} m/s^2 since the shot "
-            "explains it: check the accelerometer's mounting and charge amplifier before the next shot"
+        return "fail" if limit.verdict(left) == "fail" else "warn", worded(
+            text,
+            f" (limit {100 * limit.warn:g} %); a zero that is off by ",
+            measured(error.zero_m_s2, "m/s^2", "+.3g"),
+            " since the shot explains it: check the accelerometer's mounting and charge amplifier before the next shot",
         )
     remedy = (
         ": wrong sensitivity, clipping or another scale of the picture; check range and gain, and the picture's scale, "
@@ -181,7 +187,8 @@ def check_rest_to_rest(final_m_s: float, peak_m_s: float) -> Outcome:
         Velocity by the accelerometer at rest after the shot, and its largest.
     """
     share = abs(final_m_s) / peak_m_s if peak_m_s > 0 else math.nan
-    text = f"its velocity is {final_m_s:+.3g} m/s at rest after the shot, {100 * share:.1f} % of its peak"
+    final = measured(final_m_s, "m/s", "+.3g")
+    text = worded("its velocity is ", final, f" at rest after the shot, {100 * share:.1f} % of its peak")
     remedy = ": its zero moved; check mounting and charge amplifier before the next shot"
     return LIMITS["velocity_share"].outcome(share, text, remedy, share=True)
 

@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.measured import measured, worded
 from recoil_processing.quality.limits import LIMITS, Outcome
 from recoil_processing.stress_waves.shock_response import octave_frequencies, shock_response
 
@@ -164,7 +165,8 @@ def check_hum(amplitude: float, frequency_hz: float, peak: float, *, unit: str) 
     if not amplitude > 0:
         return "ok", "no hum above the noise"
     share = amplitude / peak if peak > 0 else math.nan
-    text = f"hum of {frequency_hz:.3g} Hz, {amplitude:.3g} {unit}, {100 * share:.2f} % of the peak"
+    size = measured(amplitude, unit, ".3g")
+    text = worded(f"hum of {frequency_hz:.3g} Hz, ", size, f", {100 * share:.2f} % of the peak")
     remedy = (
         ": a ground loop; run the amplifier from a battery, or earth the cable's screen at one end only, before the "
         "next shot"

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.clocks.timebase import usual_step_s
+from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.readers.tracks.rest import rest_repeats
 from recoil_processing.noise import hiding_resolution, noise_sigma, robust_sigma
 from recoil_processing.quality.frame_checks import MOVING_SIGMA
@@ -191,12 +192,15 @@ def check_battery(times_s: Array, positions_m: Array, sigma_m: float) -> Outcome
         return "ok", f"the track {ends}: the return to battery is not in it"
     apart = float(np.mean(ends[1]) - np.mean(ends[0]))
     limit = LIMITS["battery_m"]
-    text = f"comes to rest {1e3 * apart:+.2f} mm from where it started"
+    text = worded("comes to rest ", measured(1e3 * apart, "mm", "+.2f"), " from where it started")
     if abs(apart) <= max(limit.warn, 5 * sigma_m):
         return "ok", text
-    return "warn", (
-        f"{text} (limit {1e3 * limit.warn:g} mm): not back in battery, or camera or mark moved; look at the mechanism "
-        "and at the camera's stand before the next shot"
+    return "warn", worded(
+        text,
+        " (limit ",
+        measured(1e3 * limit.warn, "mm", "g"),
+        "): not back in battery, or camera or mark moved; look at the mechanism "
+        "and at the camera's stand before the next shot",
     )
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from types import MappingProxyType
+from typing import Any
 
+from recoil_acquisition.measured import Worded, beside, joined, measured, with_figures, worded
 from recoil_acquisition.quantity import STANDARD_ATMOSPHERE_PA
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
@@ -26,7 +28,9 @@ NOTHING_OF_CHAIN = "nothing that the breech chain does is taken until stated"
 NO_COMMON_STANDARD = "no calibration standard in common (1 % of one would be 1 % of the mass)"
 """Assumption on gauges that name none: all forces too large by a share are those of a mass too large by it."""
 
-ABSOLUTE_PRESSURE = f"absolute pressure less the standard atmosphere, {1e-5 * STANDARD_ATMOSPHERE_PA:g} bar"
+ABSOLUTE_PRESSURE = worded(
+    "absolute pressure less the standard atmosphere, ", measured(1e-5 * STANDARD_ATMOSPHERE_PA, "bar", "g")
+)
 """Assumption on a gauge whose unit counts from a vacuum."""
 
 
@@ -49,29 +53,32 @@ class Assumption:
     detail: str
 
 
-def assumptions_of(rig: Rig, absolute: Collection[str] = ()) -> list[dict[str, str]]:
-    """List the assumptions of a rig in JSON types, for verdicts and reports.
+def assumptions_of(rig: Rig, absolute: Collection[str] = ()) -> list[dict[str, Any]]:
+    """List the assumptions of a rig in JSON types, for verdicts and reports; with ``figures`` of what is taken.
 
     Parameters
     ----------
     absolute
         Names of channels whose files state a unit of absolute pressure.
     """
-    return [asdict(one) for one in _assumptions(rig, absolute)]
+    return [asdict(one) | beside(one.taken) for one in _assumptions(rig, absolute)]
 
 
 def assumption_notes(rig: Rig, absolute: Collection[str] = ()) -> list[Note]:
     """Say each assumption of a rig in a note of its own, about what is assumed of; as `assumptions_of`."""
     return [
-        Note(NoteCode.ASSUMPTION, one.quantity, f"{one.quantity}: {one.taken}: {one.detail}")
+        Note(NoteCode.ASSUMPTION, one.quantity, joined(": ", (one.quantity, one.taken, one.detail)))
         for one in _assumptions(rig, absolute)
     ]
 
 
-def assumption_lines(assumptions: Sequence[Mapping[str, str]]) -> list[str]:
+def assumption_lines(assumptions: Sequence[Mapping[str, Any]]) -> list[Worded]:
     """Say each kind of assumption in one line that names all it holds for."""
-    kinds = dict.fromkeys(one["taken"] for one in assumptions)
-    return [f"{kind}: {', '.join(one['quantity'] for one in assumptions if one['taken'] == kind)}" for kind in kinds]
+    kinds = {one["taken"]: with_figures(one["taken"], one) for one in assumptions}
+    return [
+        worded(kind, ": ", ", ".join(one["quantity"] for one in assumptions if one["taken"] == kind))
+        for kind in kinds.values()
+    ]
 
 
 _FORCES: Mapping[str, tuple[str, float, str]] = MappingProxyType(
@@ -141,7 +148,11 @@ def _assumptions(rig: Rig, absolute: Collection[str]) -> Iterator[Assumption]:
         if symbol not in m.u:
             yield Assumption(symbol, "taken as exact", f"[mechanism] has no u_{symbol}")
     if "friction" not in m.u:
-        yield Assumption("friction", "taken as exact", f"[mechanism] has no u_friction: {m.friction:g} N is taken")
+        yield Assumption(
+            "friction",
+            "taken as exact",
+            worded("[mechanism] has no u_friction: ", measured(m.friction, "N", "g"), " is taken"),
+        )
     yield from _forces_that_nobody_reads(m, symbols)
     for role in CARRIAGE_ROLES if m.mounted else ():
         if role not in roles:
@@ -171,7 +182,9 @@ def _assumptions(rig: Rig, absolute: Collection[str]) -> Iterator[Assumption]:
     camera = rig.by_role("recoil_displacement")
     if camera is not None and camera.sensor.u_distortion_m is None:
         detail = "its sensor has no `u_distortion_m`: its optics may bend the travel by as much as good ones do"
-        yield Assumption(camera.name, f"distortion of at most {1e3 * USUAL_U_DISTORTION_M:g} mm", detail)
+        yield Assumption(
+            camera.name, worded("distortion of at most ", measured(1e3 * USUAL_U_DISTORTION_M, "mm", "g")), detail
+        )
     for channel in rig.channels:
         if channel.enters_estimate and channel.sensor.calibrated is None:
             detail = "its sensor has no `calibrated`: nothing says when its u_rel was found"

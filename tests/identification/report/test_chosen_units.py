@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import json
+import math
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from recoil_acquisition.errors import Fault
+from recoil_acquisition.measured import beside, measured, worded
+from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode, findings_of
+from recoil_acquisition.shot import Check, QualityCheck
 from recoil_identification.campaign.combination import combine
-from recoil_identification.estimate.rounding import MINUS, THIN, grouped
+from recoil_identification.estimate.rounding import MINUS, THIN, fixed, grouped
 from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.chosen_units import ChosenUnits
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace
@@ -87,22 +95,71 @@ def test_digits_of_numbers_alone_are_grouped() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "units", "again"),
+    ("pieces", "units", "again"),
     [
-        ("the force peaks at 1290.4 kN.", ["lbf"], "the force peaks at 290090 lbf."),
-        ("0.30 to 0.50 MPa, 12 N s, 5 kN m", ["bar", "lbf"], "3.0 to 5.0 bar, 12 N s, 5 kN m"),
-        ("declared 1500 N (u 150 N)", ["lbf"], "declared 337.2 lbf (u 33.7 lbf)"),
-        ("by \u22120.50 m/s^2 (u 0.12) and 3.1 m/s", ["g"], "by \u22120.051 g (u 0.012) and 3.1 m/s"),
-        ("V301 N, 40 mV/MPa, 12 kg/(m/s^2), m3 a' in N, AI 4 MPa/x, t-5 N", ["lbf", "bar", "g"], None),
-        ("peak 128.4 MPa at 0.5000 m", [], None),
+        (("the force peaks at ", measured(1290.4, "kN", ".1f"), "."), ["lbf"], "the force peaks at 290090 lbf."),
+        ((measured(0.3, "MPa", ".2f", unit_follows=True), " to ", measured(0.5, "MPa", ".2f"), ", 12 N s"),
+         ["bar", "lbf"], "3.0 to 5.0 bar, 12 N s"),
+        (("declared ", measured(1500, "N", ".0f"), " (u ", measured(150, "N", ".0f"), ")"), ["lbf"],
+         "declared 337.2 lbf (u 33.7 lbf)"),
+        (("by ", measured(-0.5, "m/s^2", lambda found: fixed(found, 2)), ", ", measured(3.1, "m/s", "+.2g")), ["g"],
+         f"by {MINUS}0.051 g, +3.1 m/s"),
+        (("rises by ", measured(12.5, "kN m", ".3g"), ", ", measured(math.nan, "MPa", ".3g")), ["lbf", "bar"],
+         "rises by 12.5 kN m, nan MPa"),
+        (("peak ", measured(128.4, "MPa", ".4g")), [], "peak 128.4 MPa"),
     ],
+)  # fmt: skip
+def test_the_figures_of_a_sentence_go_along_with_as_many_digits(
+    pieces: tuple[str, ...], units: list[str], again: str
+) -> None:
+    assert chosen(*units).text(worded(*pieces)) == again
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["gauge Kistler 6215 (600 MPa) is off", "'AI 1 m'", "file 'shot 3 m.csv'", "10 000 Pa", "p_brake 20 MPa", "1 N"],
 )
-def test_the_numbers_of_a_sentence_go_along_with_as_many_digits(text: str, units: list[str], again: str | None) -> None:
-    assert chosen(*units).text(text) == (text if again is None else again)
+def test_what_looks_like_a_figure_in_a_name_is_none(text: str) -> None:
+    assert chosen("bar", "mm", "lbf").text(text) == text
+
+
+NUMBERS = st.floats(-1e6, 1e6).map(lambda number: f"{number:.4g}")
+NAMES = st.builds(
+    lambda *parts: "".join(parts),
+    st.text(max_size=8), NUMBERS, st.sampled_from([" ", ""]), st.sampled_from(["MPa", "kN", "m", "m/s^2", "bar"]),
+    st.text(max_size=8),
+)  # fmt: skip
+
+
+@given(st.lists(st.tuples(NAMES, st.floats(0.1, 1e4)), min_size=1, max_size=4))
+def test_a_name_with_a_number_and_a_unit_stays_beside_figures_that_change(said: list[tuple[str, float]]) -> None:
+    """The same through a document: a remark's figures go by their places, whatever stands between them."""
+    pieces, others = list[str](), list[str]()
+    for name, value in said:
+        figure = measured(value, "MPa", ".3e")
+        pieces += [name, figure]
+        others += [name, chosen("psi").text(figure)]
+    told = Note(NoteCode.READER, "p", worded(*pieces)).to_json()
+    read = json.loads(json.dumps({"issued": {"units": ["psi"]}, "findings": [told]}))
+    again = ChosenUnits.of(read).text(read["findings"][0]["text"])
+    assert again == "".join(others)
+    assert again != read["findings"][0]["text"]
+
+
+@pytest.mark.parametrize(
+    "figures",
+    ["MPa", {"a": 1}, [1], [{"value": 1.0, "unit": "MPa", "at": [0]}], [{"value": 1.0, "unit": "MPa", "at": [3, 99]}],
+     [{"value": 1.0, "unit": "MPa", "at": [-3, 4]}], [{"value": "1", "unit": "MPa", "at": [0, 5]}],
+     [{"value": 1.0, "unit": "MPa", "at": [0, 5]}, {"value": 1.0, "unit": "MPa", "at": [3, 5]}],
+     [{"value": 10**400, "unit": "MPa", "at": [0, 5]}], [{"value": math.nan, "unit": "MPa", "at": [0, 5]}]],
+)  # fmt: skip
+def test_places_that_cannot_be_leave_a_text_as_it_is(figures: object) -> None:
+    document = {"issued": {"units": ["psi"]}, "findings": [{"text": "1 MPa", "figures": figures}]}
+    assert ChosenUnits.of(document).text("1 MPa") == "1 MPa"
 
 
 def test_columns_of_one_unit_go_along_and_what_is_stated_of_a_sensor_stays() -> None:
-    table = {"title": "T", "caption": "by 2.0 kN", "columns": ["cause", "peak, N"], "rows": [["noise of 10 N", "4450"]]}
+    table = {"title": "T", "caption": "of 2 kN", "columns": ["cause", "peak, N"], "rows": [["noise of 10 N", "4450"]]}
     channel = {
         "channel": "p", "role": None, "model": "m", "serial": "s", "certificate": None, "calibrated": None, "due": None,
         "range": [-1.0, 25.0], "unit": "MPa", "u": 0.01, "chain": {"load": "of 10 MPa"}, "known_by": {}, "clock": "c",
@@ -113,7 +170,7 @@ def test_columns_of_one_unit_go_along_and_what_is_stated_of_a_sensor_stays() -> 
     }  # fmt: skip
     parts = {part.section.key: part for part in parts_of(sections_of(document), document, ())}
     of_table, sensors = parts["table-0"], parts["channels"]
-    assert of_table.caption == "by 450 lbf"
+    assert of_table.caption == "of 2 kN"
     assert [one.head for one in of_table.columns] == ["cause", "peak, lbf"]
     assert dict(of_table.rows[0]) == {"0": "noise of 10 N", "1": "1000"}
     assert sensors.rows[0]["range"] == f"{MINUS}1 to 25 MPa"
@@ -132,3 +189,25 @@ def test_peaks_of_a_campaigns_shots_go_along() -> None:
     assert float(shots.rows[0]["breech_pressure_pa"]) == pytest.approx(128.4 * PSI_PER_MPA, rel=1e-3)
     assert shots.rows[0]["recoil_travel_m"] == "31.88"
     assert "Mass / kg" in heads.values()
+
+
+def test_a_page_words_figures_anew_and_keeps_the_names_beside_them() -> None:
+    name, length = "p_brake 20 MPa", "AI 1 m"
+    noise = QualityCheck(name, Check.BASELINE, "warn", worded("noise ", measured(0.5, "MPa", ".2f"), " as ", length))
+    lost = Reason(ReasonCode.CHECK, name, worded(f"quality: {name}: rests at ", measured(-3.0, "MPa", "+.1f")))
+    travel = worded(f"{length} moves by ", measured(0.12, "mm", ".2f"))
+    taken = {"quantity": name, "taken": str(travel), "detail": "", **beside(travel)}
+    report = a_report(
+        reasons=[str(lost)], findings=findings_of([lost]), quality=[noise.to_json()], assumptions=[taken], valid=False
+    )
+    page = render_page(report | {"issued": {"units": ["bar", "in"]}}, ())
+    for words in (
+        f"quality: {name}: rests at {MINUS}30 bar",
+        f"noise 5.0 bar as {length}",
+        f"{length} moves by 0.0047 in",
+    ):
+        assert words.replace(MINUS, "-") in page.replace(MINUS, "-"), words
+    assert "200 bar" not in page
+    in_si = render_page(report, ())
+    for words in (str(lost), noise.detail, str(travel)):
+        assert words in in_si.replace(MINUS, "-"), words

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.rounding import in_unit, rounded, significant
@@ -72,11 +73,12 @@ def find(case: Case) -> Finding:
     return Finding(
         target="breech-force",
         title="Breech force from the motion",
-        summary=(
+        summary=worded(
             f"P = m3 a' + R_f with the specification mass of {case.fired.rig.specification.mass_kg:g} kg"
             f"{'' if record.tracked is None else ', camera and accelerometer'}, and the pressures of brake and "
-            f"recuperator; the breech gauge has no part in it. By Kalman input estimation the force peaks at "
-            f"{significant(1e-3 * peak.force_n, 5)} kN."
+            f"recuperator; the breech gauge has no part in it. By Kalman input estimation the force peaks at ",
+            measured(1e-3 * peak.force_n, "kN", lambda number: significant(number, 5)),
+            ".",
         ),
         quantities=(*quantities, *differences),
         figures=force_figures(found, peak, m.force_areas[0]),
@@ -217,7 +219,11 @@ def _reasons(found: MotionForce, differences: tuple[Quantity, ...]) -> tuple[Rea
         Reason(
             ReasonCode.AGREEMENT,
             q.symbol,
-            f"{q.name}: {in_unit(q.value, 3, q.unit)}, {abs(q.value) / q.u:.1f} of its standard uncertainties",
+            worded(
+                f"{q.name}: ",
+                in_unit(q.value, 3, q.unit),
+                f", {abs(q.value) / q.u:.1f} of its standard uncertainties",
+            ),
         )
         for q in differences
         if q.u > 0 and abs(q.value) > CRITICAL_VALUE * q.u
@@ -229,9 +235,10 @@ def _reasons(found: MotionForce, differences: tuple[Quantity, ...]) -> tuple[Rea
 
 
 def _notes(found: MotionForce, m: Mechanism, end_s: float) -> tuple[Note, ...]:
-    held = (
-        f"before the release at {found.record.onset_s:.5f} s the battery stop carries the force: what is less than "
-        f"{found.record.held_n / 1e3:.3g} kN is not seen by the motion, and the force is left blank"
+    held = worded(
+        f"before the release at {found.record.onset_s:.5f} s the battery stop carries the force: what is less than ",
+        measured(found.record.held_n / 1e3, "kN", ".3g"),
+        " is not seen by the motion, and the force is left blank",
     )
     compared = (
         "there is no breech gauge to compare with"
@@ -246,9 +253,11 @@ def _notes(found: MotionForce, m: Mechanism, end_s: float) -> tuple[Note, ...]:
     ]
     if "m3" not in m.u:
         peak = 1e-5 * float(np.nanmax(found.kalman.force_n))
-        text = (
+        text = worded(
             "the rig declares no u_m3: the specification mass is taken as exact; each per cent that it is off is "
-            f"nearly a per cent of the force, {peak:.3g} kN of the peak"
+            "nearly a per cent of the force, ",
+            measured(peak, "kN", ".3g"),
+            " of the peak",
         )
         notes.append(Note(NoteCode.ASSUMPTION, "m3", text))
     return (*notes, *found.record.notes)

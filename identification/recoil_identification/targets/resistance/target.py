@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
@@ -169,7 +170,8 @@ def _quantities(parts: _Parts, points: Sequence[BalancePoint], m: Mechanism) -> 
             quantities.append(Quantity(name, symbol, nan, nan, "N s2/m2", why))
             continue
         at, u_at = float(parts.at_shares.coefficient[i]), float(parts.at_shares.u_logarithm[i])
-        basis = f"brake force over squared velocity, smooth in the travel, at {parts.at_shares.travel_m[i]:.4f} m"
+        place = measured(float(parts.at_shares.travel_m[i]), "m", ".4f")
+        basis = worded("brake force over squared velocity, smooth in the travel, at ", place)
         half = COVERAGE_FACTOR * u_at
         interval = (at * math.exp(-half), at * math.exp(half))
         quantities.append(Quantity(name, symbol, at, at * u_at, "N s2/m2", basis, interval=interval))
@@ -247,17 +249,21 @@ def _reasons(parts: _Parts, points: Sequence[BalancePoint]) -> tuple[Reason, ...
     reasons = [Reason(ReasonCode.NOT_IDENTIFIED, role, law) for role, law in laws.items() if isinstance(law, str)]
     for point in points:
         if point.violated:
-            text = (
-                f"the balance of {point.name} is violated: {in_unit(point.left, 3, point.unit)} are left of "
-                f"{in_unit(point.given, 4, point.unit)}, {point.ratio:.1f} times the tolerance; a mass, an area, a "
-                "gauge or a clock is off by more than is stated of it"
+            text = worded(
+                f"the balance of {point.name} is violated: ",
+                in_unit(point.left, 3, point.unit),
+                " are left of ",
+                in_unit(point.given, 4, point.unit),
+                f", {point.ratio:.1f} times the tolerance; a mass, an area, a "
+                "gauge or a clock is off by more than is stated of it",
             )
             reasons.append(Reason(ReasonCode.BALANCE, point.quantity, text))
     difference = parts.drawn.law_departure(parts.record.terms.force_errors_n)
     if difference is not None and abs(difference[0]) > CRITICAL_VALUE * difference[1]:
-        text = (
-            f"behind the pulse the law differs from the resistance by the motion by {significant(difference[0], 3)} N "
-            f"on the average, {abs(difference[0]) / difference[1]:.1f} of its standard uncertainties"
+        text = worded(
+            "behind the pulse the law differs from the resistance by the motion by ",
+            measured(difference[0], "N", lambda number: significant(number, 3)),
+            f" on the average, {abs(difference[0]) / difference[1]:.1f} of its standard uncertainties",
         )
         reasons.append(Reason(ReasonCode.MODEL, "resistance", text))
     return tuple(reasons)
@@ -268,12 +274,13 @@ def _notes(parts: _Parts, m: Mechanism) -> tuple[Note, ...]:
     notes = []
     if f.u_declared_n > 0:
         share = 100.0 * (1.0 - (f.u_n / f.u_declared_n) ** 2)
-        text = (
-            f"friction: declared {f.declared_n:g} N (u {f.u_declared_n:g} N), by the shot alone "
-            f"{f.by_shot_n:.0f} N (u {f.u_by_shot_n:.0f} N), together {f.value_n:.0f} N (u {f.u_n:.0f} N); the shot "
-            f"takes {share:.0f} % off the variance, {f.gain_bits:.2f} bits"
-        )
-        notes.append(Note(NoteCode.COMPARISON, "friction", text))
+        compared = worded(
+            "friction: declared ", measured(f.declared_n, "N", "g"), " (u ", measured(f.u_declared_n, "N", "g"),
+            "), by the shot alone ", measured(f.by_shot_n, "N", ".0f"), " (u ", measured(f.u_by_shot_n, "N", ".0f"),
+            "), together ", measured(f.value_n, "N", ".0f"), " (u ", measured(f.u_n, "N", ".0f"),
+            f"); the shot takes {share:.0f} % off the variance, {f.gain_bits:.2f} bits",
+        )  # fmt: skip
+        notes.append(Note(NoteCode.COMPARISON, "friction", compared))
     else:
         text = "the rig declares no u_friction: the friction is taken as exact where it enters a budget"
         notes.append(Note(NoteCode.ASSUMPTION, "friction", text))

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.rounding import MINUS, in_unit, significant
 from recoil_identification.targets.finding import Finding, Quantity, Series, Table
@@ -133,9 +134,10 @@ def judge(found: SupportEstimates) -> tuple[Array, tuple[Reason, ...]]:
             u, value = found.u(symbol), float(values[place])
             if not u <= LARGEST_RELATIVE_U * abs(value):
                 values[place] = np.nan
-                text = (
-                    f"{NAMES[symbol][0]} is not identified: its standard uncertainty of "
-                    f"{in_unit(u, 2, NAMES[symbol][1])} exceeds half of the estimate"
+                text = worded(
+                    f"{NAMES[symbol][0]} is not identified: its standard uncertainty of ",
+                    in_unit(u, 2, NAMES[symbol][1]),
+                    " exceeds half of the estimate",
                 )
                 reasons.append(Reason(ReasonCode.NOT_IDENTIFIED, symbol, text))
             elif value < 0:
@@ -254,7 +256,11 @@ def _budget_table(found: SupportEstimates) -> Table:
 def _notes(record: CarriageRecord, found: SupportEstimates) -> tuple[Note, ...]:
     assumed = [
         "masses, moments of inertia and lengths count as exact where the rig file declares no u_<symbol>",
-        f"friction at D is taken to be fully there from {1e3 * Assumptions().sliding_m_s:g} mm/s on",
+        worded(
+            "friction at D is taken to be fully there from ",
+            measured(1e3 * Assumptions().sliding_m_s, "mm/s", "g"),
+            " on",
+        ),
     ]
     notes = [Note(NoteCode.ASSUMPTION, None, text) for text in assumed]
     if record.narrowest is not None:

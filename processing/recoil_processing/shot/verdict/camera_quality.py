@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
+from recoil_acquisition.measured import worded
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.tracks.marker import find_marker
@@ -81,7 +82,9 @@ def check_frames(source: Source, recording: Recording) -> Iterator[QualityCheck]
     for first, second in combinations(tracks, 2):
         if first.positions.shape == second.positions.shape and _on_one_body(first.positions, second.positions):
             verdict, detail = check_distance(first.positions, second.positions, unit=first.unit or "px")
-            yield QualityCheck(source.name, Check.DISTANCE, verdict, f"{first.name} and {second.name}: {detail}")
+            yield QualityCheck(
+                source.name, Check.DISTANCE, verdict, worded(f"{first.name} and {second.name}: ", detail)
+            )
 
 
 def _on_one_body(first: Array, second: Array) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
+from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.quantity import Unit
 from recoil_acquisition.shot import Check, Verdict
 from recoil_processing.filters import LowPass
@@ -100,7 +101,8 @@ def check_channel(
     if np.ptp(present) == 0:
         # what nothing is made of may stand still: a temperature, a mark on the tipping part
         verdict: Verdict = "fail" if channel.role or channel.name in aligning_channels(rig) else "warn"
-        yield Check.CONSTANT, (verdict, f"always {present[0]:.4g} {unit}: sensor not connected, or the wrong signal")
+        always = measured(float(present[0]), unit, ".4g")
+        yield Check.CONSTANT, (verdict, worded("always ", always, ": sensor not connected, or the wrong signal"))
         return
     by_camera = rig.source(channel.time_base.clock).kind == "camera"
     unclipped = True

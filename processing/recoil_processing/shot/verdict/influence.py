@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.measured import worded
 from recoil_acquisition.shot import Check, QualityCheck, Shot
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
@@ -103,7 +104,7 @@ def weighed(checks: Sequence[QualityCheck], fired: FiredShot, recoil: Recoil | N
         if concerned is None or worst is None:
             judged.append(check)
             continue
-        detail = f"{check.detail}; {worst}"
+        detail = worded(check.detail, f"; {worst}")
         small = worst.share <= LEAST_INFLUENCE
         missable = motion_role(fired) == "recoil_acceleration" and concerned <= set(MISSABLE)
         judged.append(replace(check, verdict="warn" if small or missable else "fail", detail=detail))

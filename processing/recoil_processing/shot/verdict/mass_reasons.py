@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator
 import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.measured import worded
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import Check, ClockAlignment, Shot
 from recoil_acquisition.shot import doubted_clocks as clocks_in_doubt
@@ -87,7 +88,7 @@ def failed_checks(shot: Shot, unused: Collection[str] = ()) -> Iterator[Reason]:
     for check in shot.failed:
         if check.check is not Check.ALIGNMENT and check.channel not in unused:
             code = ReasonCode.NOISE if check.check is Check.FILTERED_NOISE else ReasonCode.CHECK
-            yield Reason(code, check.channel, f"quality: {check.channel}: {check.detail}")
+            yield Reason(code, check.channel, worded(f"quality: {check.channel}: ", check.detail))
 
 
 def unused_channels(fired: FiredShot) -> tuple[str, ...]:

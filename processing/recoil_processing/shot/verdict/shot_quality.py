@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.files.shot_name import numbers_of
+from recoil_acquisition.measured import joined, worded
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.remark import Caution
@@ -159,7 +160,7 @@ def _channels(
 def _file_checks(source: str, recording: Recording) -> list[QualityCheck]:
     """Whether a file was cut off, and what its reader noted."""
     checks = [
-        QualityCheck(source, Check.READER, "warn" if isinstance(note, Caution) else "ok", str(note))
+        QualityCheck(source, Check.READER, "warn" if isinstance(note, Caution) else "ok", worded(note))
         for note in recording.notes
     ]
     if recording.incomplete:
@@ -241,11 +242,11 @@ def _against_camera(
 
 def _alignment_check(a: ClockAlignment) -> QualityCheck:
     if a.status == "failed":
-        return QualityCheck(a.clock, Check.ALIGNMENT, "fail", f"by {a.method}: {'; '.join(a.reasons)}")
+        return QualityCheck(a.clock, Check.ALIGNMENT, "fail", worded(f"by {a.method}: ", joined("; ", a.reasons)))
     offset = f"offset {1e3 * a.offset_s:+.4f} ms, u {1e6 * a.u_offset_s:.1f} us"
     text = f"{offset}, drift {1e6 * a.drift:+.1f} ppm, by {a.method}"
     if a.status == "ambiguous":
-        return QualityCheck(a.clock, Check.ALIGNMENT, "warn", f"{text}; ambiguous: {'; '.join(a.reasons)}")
+        return QualityCheck(a.clock, Check.ALIGNMENT, "warn", worded(f"{text}; ambiguous: ", joined("; ", a.reasons)))
     return QualityCheck(a.clock, Check.ALIGNMENT, "ok", text)
 
 
