@@ -128,7 +128,10 @@ def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
         )  # fmt: skip
     if LAW in os.environ:
         longest_s = float(os.environ[LAW])
-        told = [text for cost in (setup, call) if (text := breach(markers, cost, slowness(), longest_s)) is not None]
+        costs = [cost for cost in (setup, call) if breach(markers, cost, slowness(), longest_s) is not None]
+        # what was busy beside it then slows an exercise now
+        slowness.cache_clear() if costs else None
+        told = [text for cost in costs if (text := breach(markers, cost, slowness(), longest_s)) is not None]
         if told:
             pytest.fail(told[0], pytrace=False)
 

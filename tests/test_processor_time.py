@@ -65,7 +65,7 @@ def test_what_a_child_computes_is_charged_where_it_is_waited_for() -> None:
     code = "import time\nwhile time.process_time() < 0.1: pass"
     with measured() as cost:
         subprocess.run([sys.executable, "-S", "-c", code], check=True)
-    assert cost.cpu_s >= 0.09
+    assert cost.cpu_s >= 0.05
 
 
 def test_a_whole_way_of_the_short_run_is_the_one_of_its_kind() -> None:

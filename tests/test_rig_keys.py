@@ -19,6 +19,7 @@ def test_the_page_is_what_the_models_say() -> None:
     assert written == rig_keys.page(), "write it again with `python -m tests.rig_keys`"
 
 
+@pytest.mark.whole_way
 def test_no_table_of_a_rig_file_is_left_out() -> None:
     page = rig_keys.page()
 

@@ -6,16 +6,17 @@ the others. What is made once for the whole run is not charged to whoever asks f
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -68,7 +69,8 @@ def apart() -> Iterator[None]:
 
 
 def load_apart() -> None:
-    """Charge the loading of a module to no test: whichever test comes first in its process would bear it."""
+    """Charge the loading of a module, and what tests keep in a cache, to none: whoever comes first would bear it."""
+    functools.cache = _cached_apart  # type: ignore[assignment]
     execute = SourceFileLoader.exec_module
 
     def exec_module(loader: SourceFileLoader, module: ModuleType) -> None:
@@ -76,6 +78,19 @@ def load_apart() -> None:
             execute(loader, module)
 
     SourceFileLoader.exec_module = exec_module  # type: ignore[method-assign]
+
+
+def _cached_apart(function: Callable[..., Any]) -> Any:
+    """Keep what a function returns, as `functools.cache` does; one of the tests works it out apart."""
+    if not function.__module__.startswith("tests."):
+        return functools.lru_cache(maxsize=None)(function)
+
+    @functools.wraps(function)
+    def worked_out(*args: Any, **more: Any) -> Any:
+        with apart():
+            return function(*args, **more)
+
+    return functools.lru_cache(maxsize=None)(worked_out)
 
 
 @dataclass
@@ -103,7 +118,7 @@ def measured() -> Iterator[Cost]:
         cost.wall_s = time.monotonic() - APART.wall_s - wall_s
 
 
-@cache
+@functools.cache
 def slowness() -> float:
     """Return how many times as long as the reference this machine takes for an exercise, at least 1."""
     matrix, took = np.linspace(0.0, 1.0, 10_000).reshape(100, 100), []

@@ -489,6 +489,7 @@ def test_without_either_the_first_time_base_is_plotted_and_a_lone_channel_has_no
         assert "auxiliary_signals" not in entry["clock_a"].attrs
 
 
+@pytest.mark.exhaustive
 def test_units_of_every_dataset_parse_with_pint(written: Path) -> None:
     registry: pint.UnitRegistry[Any] = pint.UnitRegistry()
     seen = {}

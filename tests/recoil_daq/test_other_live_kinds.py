@@ -69,8 +69,10 @@ def announced() -> Iterator[None]:
             importlib.metadata, "entry_points", lambda group: EntryPoints(p for p in points if p.group == group)
         )
         others.offered.cache_clear()
+        others.announced.cache_clear()
         yield
     others.offered.cache_clear()
+    others.announced.cache_clear()
 
 
 @pytest.fixture
@@ -193,6 +195,7 @@ def test_the_instruments_own_file_takes_the_place_of_the_preview(day: Day, monke
             match_sources(rig, files)
         monkeypatch.setattr(recoil_lines, "KIND", replace(recoil_lines.KIND, is_preview=True))
         others.offered.cache_clear()
+        others.announced.cache_clear()
         assert match_sources(rig, files) == {"wind": own}
 
 

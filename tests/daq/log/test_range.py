@@ -132,6 +132,7 @@ def test_a_range_is_a_filter_of_all_where_the_log_is_damaged(tmp_path, monkeypat
     assert faults_of_windows(tmp_path / "log", 30, 3) == []
 
 
+@pytest.mark.exhaustive
 def test_a_range_that_ends_with_its_segment_too_early_is_found_out(tmp_path, monkeypatch):
     write_late(tmp_path / "log", monkeypatch, closed=True)
     monkeypatch.setattr(folder_module, "_longest_us", lambda _record, _kind: 0)

@@ -83,6 +83,7 @@ def test_the_clock_is_found_by_track_and_forces(name):
     assert 2e-6 < clock.u_offset_s < 1e-4
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", RIGS)
 def test_the_budget_is_complete_and_named_once(name):
     budget = identified(name).chosen.estimate.budget

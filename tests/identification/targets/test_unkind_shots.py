@@ -45,6 +45,7 @@ def test_their_mass_is_as_uncertain_as_the_shots(target: str, symbol: str, seed:
     assert mass.u == pytest.approx(estimate.u_kg, rel=0.1)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("seed", UNKIND)
 def test_what_the_gauges_lack_is_in_the_balances(seed: int) -> None:
     finding = found("resistance", seed)

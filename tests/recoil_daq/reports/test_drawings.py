@@ -174,6 +174,7 @@ def test_a_report_of_an_earlier_version_is_explained_and_its_page_named(
         assert f"{name} was not compared: its document was written before" in said
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("drawn", [7, {}, {"pdf": 1, "figures": False, "standalone": False, "script": "", "typst": ""}])
 def test_something_else_in_the_place_of_the_forms_is_one_line(
     folder: Path, drawn: Any, home: Path, run: Callable[..., Any]

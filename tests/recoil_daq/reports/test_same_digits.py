@@ -152,6 +152,7 @@ def test_the_document_in_the_paper_is_the_file_to_the_last_byte(handed_over: Han
     assert handed_over.paper.attachments[f"{handed_over.name}.json"] == [content]
 
 
+@pytest.mark.whole_way
 def test_the_document_in_a_shot_s_page_is_the_file(shot: HandedOver) -> None:
     packed = re.search(r'<script type="text/plain" id="packed">(.*?)</script>', shot.page, re.DOTALL)
     assert packed is not None
@@ -178,6 +179,7 @@ def test_python_and_the_workbook_have_every_digit(shot: HandedOver, tmp_path: Pa
     assert [row[u_kg] for row in rows] == pytest.approx(in_kg, rel=SIXTEEN_DIGITS, abs=0)
 
 
+@pytest.mark.whole_way
 def test_the_table_over_time_has_the_digits_that_its_document_vouches_for(shot: HandedOver) -> None:
     read = read_report(shot.folder)
     rows = list(csv.DictReader(io.StringIO((shot.folder / "mass.csv").read_text("utf-8"))))
@@ -186,6 +188,7 @@ def test_the_table_over_time_has_the_digits_that_its_document_vouches_for(shot: 
     assert written == read.trace.loc[read.trace["identified"], "mass_kg"].tolist()
 
 
+@pytest.mark.whole_way
 def test_the_table_of_a_campaign_has_its_shots_to_every_digit(combined: HandedOver) -> None:
     rows = list(csv.DictReader(io.StringIO((combined.folder / "campaign.csv").read_text("utf-8"))))
     shots = combined.document["shots"]

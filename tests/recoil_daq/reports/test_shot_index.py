@@ -75,6 +75,7 @@ def test_an_index_has_the_digits_of_the_report_and_leads_to_its_page(day: Path, 
     assert done.shots["mass_kg"].tolist() == [report["mass"]["value"]]
 
 
+@pytest.mark.whole_way
 def test_a_shot_without_a_report_has_the_verdict_of_its_file(day: Path) -> None:
     (row,) = index_shots([day / "shots"], out=day / "index").document["shots"]
     assert (row["state"], row["valid"], row["report"], row["mass_kg"]) == ("usable", None, None, None)

@@ -48,6 +48,7 @@ def test_work_of_the_loads_is_the_change_of_energy() -> None:
     np.testing.assert_allclose(energy - energy[0], work, atol=1e-6 * np.ptp(energy))
 
 
+@pytest.mark.exhaustive
 def test_velocity_and_travel_are_the_integrals_of_the_acceleration() -> None:
     _, motion = bundled()
     step = motion.times_s[1]

@@ -58,6 +58,7 @@ def test_the_friction_interval_holds_the_true_friction(name):
     assert any("bits" in note for note in finding.notes)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", RIGS)
 def test_energy_and_momentum_close(name):
     _, finding = found(name)

@@ -93,6 +93,7 @@ def test_the_stiffness_over_time_holds_the_truth():
         assert np.mean(np.abs(value[known] - TRUE[symbol]) <= 2.5 * u[known]) >= 0.9, symbol
 
 
+@pytest.mark.whole_way
 def test_friction_is_compared_with_the_rig_file():
     assert found("field-2013").quantity("friction_d").expected == 0.25
 
