@@ -29,6 +29,7 @@ def test_a_number_with_point_or_comma_and_perhaps_a_unit(text: str, unit: str, v
     assert typed_quantity(text, unit) == value
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("unit", ["dm2", "cm^2", "mm2", "in^2", "ft^2"])
 @pytest.mark.parametrize("number", ["1", "113.1"])
 def test_areas_are_those_of_an_independent_table_of_units(unit: str, number: str) -> None:

@@ -63,6 +63,7 @@ def test_a_negative_reach_is_refused():
         near(np.zeros(3, dtype=bool), -1)
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=100)
 @given(FLAGS)
 def test_runs_are_the_flags_and_the_longest_one_is_the_longest_row_of_them(flags):

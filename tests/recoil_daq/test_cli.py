@@ -133,6 +133,7 @@ def test_identify_takes_the_memory_from_the_shot_if_asked(run, stored: Path, tmp
     assert given["mass"] == chosen["mass"]
 
 
+@pytest.mark.whole_way
 def test_a_memory_longer_than_the_interval_is_refused(run, stored: Path, tmp_path):
     result = run("identify", stored, "--out", tmp_path, "--window-s", "5")
     assert result.exit_code == 3

@@ -157,6 +157,7 @@ def test_what_is_asked_for_must_make_sense() -> None:
         Workers(2, executor=threads)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("number", [1, 2])
 def test_progress_says_how_many_are_done_and_how_long_the_others_take(number: int) -> None:
     said: list[str] = []

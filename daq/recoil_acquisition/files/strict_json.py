@@ -40,7 +40,9 @@ def read_json(content: str | bytes, *, finite: bool = True) -> Any:
 
 
 @contextmanager
-def told_in_one_line(what: str, path: Path, *, expected: str | None = None, remedy: str | None = None) -> Iterator[None]:
+def told_in_one_line(
+    what: str, path: Path, *, expected: str | None = None, remedy: str | None = None
+) -> Iterator[None]:
     """Refuse a document that lacks something, or has it in the place of something else, whatever fails by it.
 
     Parameters

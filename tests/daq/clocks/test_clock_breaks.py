@@ -47,6 +47,7 @@ def test_a_counter_that_began_anew_tells_no_step() -> None:
     assert step_by_count(np.zeros(3), np.array([1, 2, 3]), 0, 1) is None
 
 
+@pytest.mark.exhaustive
 @given(
     steps_ns=st.lists(st.integers(1, 10**9), min_size=8, max_size=40),
     wrong=st.sets(st.integers(0, 39), max_size=6),

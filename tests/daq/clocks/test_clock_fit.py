@@ -84,6 +84,7 @@ def test_the_stated_uncertainty_of_a_step_is_that_of_many(at: int, least: float,
     assert least < np.std(pulls) < most
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=60, deadline=None)
 @given(
     step_s=st.one_of(st.floats(-0.9, -0.004), st.floats(0.004, 30.0)),

@@ -139,6 +139,7 @@ def test_a_range_that_ends_with_its_segment_too_early_is_found_out(tmp_path, mon
     assert faults_of_windows(tmp_path / "log", 20, 1) != []
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("segment_bytes", [4 << 20, 64 << 20])
 def test_only_the_range_is_read(tmp_path, monkeypatch, segment_bytes):
     clock = Clock()

@@ -65,6 +65,7 @@ def test_an_added_row_leaves_the_bytes_above_it(tmp_path_factory, row):
     assert log.path.read_bytes().startswith(text.encode())
 
 
+@pytest.mark.exhaustive
 @given(column=st.sampled_from(COLUMNS[1:]), value=TEXTS, number=ANGLES)
 def test_a_changed_cell_leaves_all_other_rows_and_cells(tmp_path_factory, column, value, number):
     text = ";".join(COLUMNS) + "\r\n" + "0001;t;A;1,5;0,2;c;21,5;30;;n\r\n" + "2;t;A;;;;;;bad;\r\n"

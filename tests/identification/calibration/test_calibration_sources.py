@@ -63,6 +63,7 @@ def stated_ones(draw: st.DrawFn) -> tuple[Calibration, dict[str, float]]:
 # ------------------------------------------------------------------------------------------ corrections
 
 
+@pytest.mark.whole_way
 @given(stated_ones())
 def test_newtons_law_leaves_of_corrected_columns_what_the_equation_leaves_of_the_recorded_ones(drawn):
     found, values = drawn

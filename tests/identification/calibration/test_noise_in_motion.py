@@ -145,6 +145,7 @@ def test_slow_noise_in_the_motion_is_found_to_be_slow_and_is_in_the_uncertainty(
         assert max(abs(one.estimate.mass_kg - MASS_KG) / one.estimate.u_kg for one in loud) < 3.0
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("off", [{"breech": 1.05}, {"breech": 0.95}, {"brake": 1.09}, {"brake": 0.93}])
 def test_a_gauge_that_is_off_is_not_taken_for_noise(off: dict[str, float]) -> None:
     for seed in range(4):

@@ -73,6 +73,7 @@ def test_a_step_is_found_and_the_mass_is_right_all_the_same(step: float) -> None
         assert u < 0.02 * MASS_KG
 
 
+@pytest.mark.whole_way
 def test_a_shift_that_decays_is_found_with_its_size_and_time() -> None:
     _, mass, u, shift = found(measured(1, decaying=60.0, tau_s=0.02))
     assert shift.demanded
@@ -81,6 +82,7 @@ def test_a_shift_that_decays_is_found_with_its_size_and_time() -> None:
     assert abs(mass - MASS_KG) < 3 * u
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("late_s", [-4e-4, 6e-4])
 def test_a_step_that_came_earlier_or_later_than_the_onset_leaves_a_kick(late_s: float) -> None:
     _, mass, u, shift = found(measured(1, step=150.0, late_s=late_s))

@@ -155,6 +155,7 @@ def test_nothing_fires_on_a_constant(value, count):
     assert not trend([value] * count).fired
 
 
+@pytest.mark.whole_way
 @settings(deadline=None)
 @given(WHOLE_SERIES, st.integers(-1000, 1000), st.sampled_from([0.25, 2.0, 1024.0]))
 def test_a_shift_and_another_unit_change_nothing_that_fires(values, shift, scale):

@@ -29,6 +29,7 @@ def test_steps_are_those_that_help_the_most_helpful_first() -> None:
     assert "weighed and added" in found.next_steps.lines[0].change
 
 
+@pytest.mark.whole_way
 def test_more_shots_with_a_mass_added_make_it_as_sure_as_they_are_said_to() -> None:
     alike = (1.0,)  # the steps suppose shots like the last one
     before = campaign_of((0.0,) * 4, seed=None, charges=alike).shots

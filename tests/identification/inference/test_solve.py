@@ -110,6 +110,7 @@ def test_a_contribution_is_what_a_refit_finds_when_the_source_moves_by_its_uncer
     np.testing.assert_allclose(moved.values - found.values, found.contributions[:, 0], rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.exhaustive
 @given(SEEDS)
 def test_the_square_of_a_normalised_residual_is_what_the_misfit_falls_by_without_the_source(seed: int) -> None:
     blocks, (pair, alone) = problem(seed)

@@ -120,6 +120,7 @@ def test_the_interval_of_few_shots_covers_what_their_scatter_leaves_open(shots: 
     assert campaign.mass.expanded_kg == pytest.approx(half_kg, rel=0.02)
 
 
+@pytest.mark.whole_way
 def test_the_page_of_a_campaign_says_why_its_factor_is_not_students() -> None:
     campaign = combine(campaign_of((0.0, 120.0) * 3, seed=4).shots)
     document = campaign_document(campaign, version="1", inputs=[], parameters={})

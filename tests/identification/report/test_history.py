@@ -99,6 +99,7 @@ def test_another_u_of_a_source_is_other_knowledge_and_opposite_signs_make_masses
     assert shared_kg2(one, other) == pytest.approx(whole - part)
 
 
+@pytest.mark.whole_way
 def test_a_mass_that_changed_between_campaigns_is_told_in_a_sentence() -> None:
     before = answer(campaign_of((0.0, 120.0) * 2, seed=3).shots)
     after = copy.deepcopy(before)

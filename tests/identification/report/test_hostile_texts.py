@@ -112,6 +112,7 @@ PAGES: dict[str, tuple[Callable[[], dict[str, Any]], Callable[[dict[str, Any]], 
 }
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("kind", PAGES)
 def test_a_page_shows_what_it_would_obey_as_it_is_spelled(kind: str) -> None:
     document, render = PAGES[kind]

@@ -17,6 +17,7 @@ def noise(n, seed=0):
     return np.random.default_rng(seed).standard_normal(n)
 
 
+@pytest.mark.whole_way
 @given(arrays(np.float64, st.integers(0, 300), elements=st.floats(-1e9, 1e9) | st.just(np.nan)))
 def test_a_curve_comes_again_within_a_ten_thousandth_of_what_it_spans(values):
     found = again(values)
@@ -42,6 +43,7 @@ def test_time_far_from_zero_keeps_its_resolution():
     np.testing.assert_allclose(again(times_s), times_s, atol=1e-10, rtol=0)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("jitter", [0.0, 0.01, 0.3])
 @pytest.mark.parametrize("rate_hz", [1e3, 1e5])
 def test_instants_with_jitter_come_again_within_a_tenth_of_the_way_to_the_next(rate_hz, jitter):

@@ -86,6 +86,7 @@ def objects_in(value, seen=None):
             yield from objects_in(one, seen)
 
 
+@pytest.mark.whole_way
 def test_it_says_that_it_is_a_pdf_a_3b_and_what_its_colours_are(pdf):
     root = read(pdf).trailer["/Root"]
     metadata = root["/Metadata"].get_object().get_data().decode("utf-8")
@@ -96,6 +97,7 @@ def test_it_says_that_it_is_a_pdf_a_3b_and_what_its_colours_are(pdf):
     assert intent["/DestOutputProfile"].get_object().get_data()
 
 
+@pytest.mark.whole_way
 def test_nothing_in_it_runs_or_leads_elsewhere_and_its_fonts_are_in_it(pdf):
     keys, fonts = set(), []
     for one in objects_in(read(pdf).trailer["/Root"]):
@@ -164,6 +166,7 @@ def test_the_terms_of_its_texts_and_the_methods_in_its_tables_are_explained_at_i
     assert "EWMA" not in explained
 
 
+@pytest.mark.whole_way
 def test_figures_are_vectors(pdf):
     kinds = {one.get("/Subtype") for one in objects_in(read(pdf).trailer["/Root"])}
     assert "/Image" not in kinds

@@ -151,6 +151,7 @@ def test_a_clock_that_failed_or_was_not_aligned_by_motion_has_no_figure():
         assert ("camera" in [t.name for t in traces(drawn["motion"])]) == (other.status != "failed")
 
 
+@pytest.mark.whole_way
 def test_a_shot_of_one_clock_without_noise_has_its_figures_too():
     found = identify_shot(FiredShot(bench_shot(), bench_rig()), Options())
     drawn = {f.key for f in report_figures(found)}

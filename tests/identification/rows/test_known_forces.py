@@ -142,6 +142,7 @@ def test_a_gauge_that_reads_five_percent_low_is_told_by_the_declared_impulse_alo
     assert abs(found.chosen.estimate.mass_kg - plain().truth["m3"]) < 2.0 * found.chosen.estimate.u_kg
 
 
+@pytest.mark.exhaustive
 def test_a_gauge_off_its_certificate_contradicts_what_is_declared_and_both_sides_are_named():
     found = identify(projectile(), p_breech=0.95)
     (check,) = found.force_checks

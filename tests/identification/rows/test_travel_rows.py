@@ -163,6 +163,7 @@ def walks_m(kind: str, count: int, seed: int, at_s: np.ndarray) -> np.ndarray:
     return FINE_S * reached_s @ drawn
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("kind", KINDS)
 def test_noise_of_the_motion_walks_in_the_frames_as_its_double_integrals_do(kind: str) -> None:
     found = travel_of(400)

@@ -189,6 +189,7 @@ def test_swapped_areas_are_noticed_by_name(one, other):
     assert any(r.startswith(("breech_pressure", "brake_pressure")) for r in doubted)
 
 
+@pytest.mark.whole_way
 def test_every_failed_check_and_every_doubtful_clock_is_one_reason():
     virtual = virtual_shot()
     (good,) = virtual.shot.alignments

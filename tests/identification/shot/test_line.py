@@ -31,6 +31,7 @@ def mass_kg(fired: FiredShot, cutoff_hz: float | None = 20.0) -> float:
     return found(fired, cutoff_hz).chosen.estimate.mass_kg
 
 
+@pytest.mark.whole_way
 def test_the_mass_is_that_of_rows_written_down_here() -> None:
     read = BODY.readings()
     mass = found(BODY.fired(*ALL, readings=read), 12.0).chosen.estimate
@@ -48,6 +49,7 @@ def test_the_mass_is_that_of_rows_written_down_here() -> None:
     assert 0.0099 < mass.u_kg / mass.mass_kg < 0.015
 
 
+@pytest.mark.whole_way
 def test_a_record_that_begins_in_motion_is_valid_and_says_what_was_taken_for_its_noise() -> None:
     result = found(BODY.fired(*ALL))
     assert result.valid, result.reasons

@@ -69,6 +69,7 @@ def test_the_uncertainty_is_about_the_error():
     assert 0.7 < ratio < 1.5
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1), st.integers(20, 370), st.integers(1, 8))
 def test_known_samples_are_not_touched(seed, start, length):

@@ -165,6 +165,7 @@ def test_the_check_counts_what_is_found_here():
         find_clipped(samples, 1.0, 1.0)
 
 
+@pytest.mark.exhaustive
 def test_a_record_that_is_clipped_throughout_is_refused_and_quickly():
     samples = np.clip(sine(1.05, 20.0, 20_000) * np.exp(np.arange(20_000) / 2000.0), -1.0, 1.0)
     found = repair_clipping(samples, -1.0, 1.0)

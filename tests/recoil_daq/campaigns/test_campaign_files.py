@@ -76,6 +76,7 @@ def test_a_page_that_is_there_is_not_overwritten_unasked(reports, tmp_path):
     assert sorted(one.name for one in done.folder.iterdir()) == FILES[:-1]
 
 
+@pytest.mark.whole_way
 def test_curves_that_are_none_are_named_and_nothing_is_written(reports, tmp_path):
     (reports / "0002" / "curves.csv").write_text("nonsense\n")
     with pytest.raises(ReadError, match=r"0002.curves\.csv.*no curves of a shot"):

@@ -80,6 +80,7 @@ def test_a_result_shows_itself(two: Path) -> None:
     assert done.document["reports"][1]["page"] == "../../other/0001/report.html"
 
 
+@pytest.mark.whole_way
 def test_a_page_that_is_there_is_not_replaced_unasked(two: Path) -> None:
     beside(two / "one" / "0001", [two / "other"])
     with pytest.raises(StoreError, match=r"exists already"):

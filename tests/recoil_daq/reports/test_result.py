@@ -47,6 +47,7 @@ def test_a_mass_in_memory_is_that_of_the_command_to_the_last_digit(result: Resul
     assert str(reported).startswith(str(result).rstrip())
 
 
+@pytest.mark.whole_way
 def test_a_report_that_was_written_comes_back_with_the_same_tables(result: Result, tmp_path: Path) -> None:
     folder = result.save(tmp_path / "reports" / "0001")
     assert (folder / "report.html").exists()

@@ -65,6 +65,7 @@ def test_volts_become_what_an_independent_table_of_units_says(text, quantity, ou
     np.testing.assert_allclose(channel.samples, expected, rtol=1e-12)
 
 
+@pytest.mark.exhaustive
 @given(
     number=st.floats(1e-3, 1e3), volts=st.floats(-10, 10), output=st.sampled_from(["uV", "mV", "V"]),
     per=st.sampled_from(["Pa", "kPa", "bar", "MPa", "psi"]), file_unit=st.sampled_from(["V", "mV"]),

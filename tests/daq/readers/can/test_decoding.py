@@ -32,6 +32,7 @@ def random_signal(rng: random.Random, size: int) -> Signal:
             return Signal("s", start, length, order, is_signed=kind == "signed", conversion=conversion)
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=150, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), size=st.sampled_from([8, 64]))
 def test_any_layout_decodes_as_cantools_does(seed: int, size: int) -> None:

@@ -106,6 +106,7 @@ def test_a_logger_stopped_within_a_frame_keeps_those_before_it(tmp_path: Path) -
     assert as_entries(log.frames) == VARIED[:9]
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     entries=st.lists(

@@ -127,6 +127,7 @@ def test_linear_scalings_are_applied_one_after_the_other(tmp_path: Path) -> None
     assert (raw.gain, raw.offset, raw.unit) == (-2.0, -11.0, "V")
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     cuts=st.lists(st.integers(0, 100), min_size=2, max_size=6, unique=True),

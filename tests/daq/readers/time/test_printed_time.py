@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.readers.time.printed_time import start_agreeing, uniform_from_printed
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=100)
 @given(
     rate_hz=st.sampled_from([100.0, 1000.0, 6000.0, 4800.0, 20000.0, 51200.0, 200000.0]),

@@ -17,6 +17,7 @@ def printed(ns: int, form: str, decimals: int, ending: str) -> str:
     return f"{whole}.{f'{fraction:09d}'[:decimals]}{ending}"
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=60)
 @given(
     form=st.sampled_from(["%Y-%m-%dT%H:%M:%S", "%d.%m.%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S"]),

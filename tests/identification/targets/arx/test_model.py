@@ -101,6 +101,7 @@ def test_the_robust_covariance_is_that_of_statsmodels():
     np.testing.assert_allclose(ours, theirs.cov_params(), rtol=1e-8, atol=1e-14)
 
 
+@pytest.mark.whole_way
 def test_the_robust_covariance_covers_where_the_ordinary_one_does_not():
     rng = np.random.default_rng(6)
     ordinary = robust = 0

@@ -85,6 +85,7 @@ def moved():
     return motion, measured
 
 
+@pytest.mark.whole_way
 def test_sensors_without_errors_give_the_state_of_the_twin(moved):
     motion, measured = moved
     state = state_of(MECHANISM, measured)
@@ -93,6 +94,7 @@ def test_sensors_without_errors_give_the_state_of_the_twin(moved):
     assert np.allclose(state.qd, motion.qd, rtol=0, atol=2e-4)
 
 
+@pytest.mark.whole_way
 def test_sensors_without_errors_give_the_loads_of_the_twin(moved):
     motion, measured = moved
     loads = loads_of(MECHANISM, state_of(MECHANISM, measured), measured.breech_force_n)
@@ -106,6 +108,7 @@ def test_sensors_without_errors_give_the_loads_of_the_twin(moved):
         assert np.abs(found - true).max() < largest
 
 
+@pytest.mark.whole_way
 def test_a_first_sample_that_is_off_moves_nothing(moved):
     _, measured = moved
     odd = measured.w1.copy()

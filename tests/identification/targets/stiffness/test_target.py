@@ -98,6 +98,7 @@ def test_friction_is_compared_with_the_rig_file():
     assert found("field-2013").quantity("friction_d").expected == 0.25
 
 
+@pytest.mark.whole_way
 def test_figures_and_tables_are_whole():
     finding = found("field-2013")
 

@@ -45,6 +45,7 @@ def test_the_interval_holds_the_mass_as_often_as_it_says_and_the_noise_is_found(
     assert np.median([one.inflation for one in found]) == 1.0
 
 
+@pytest.mark.exhaustive
 @given(st.floats(-1.0, 1.0), st.floats(-0.5, 0.5), st.floats(-2e-4, 2e-4))
 @settings(max_examples=10)
 def test_start_velocity_and_shift_may_be_free(start_m, velocity_m_s, shift_s):

@@ -213,6 +213,7 @@ def test_a_zero_that_moved_during_the_shot_is_seen_against_the_camera():
     assert "zero moved by +" in check.detail
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("size_pa", [400e3, -400e3])
 def test_a_breech_gauge_whose_zero_moved_takes_no_momentum_from_the_brake(size_pa):
     """Once the bore is empty the gauge reads its zero alone: a shot is not sent back for it."""
