@@ -24,6 +24,7 @@ from tests.builders.processor_time import (
     append_line,
     breach,
     kinds_twice,
+    lay_out_characters,
     load_apart,
     measured,
     slowness,
@@ -101,6 +102,8 @@ def pytest_collection_finish() -> None:
     What tests leave behind is searched more seldom than usual: they leave little in circles.
     """
     share_motions()
+    if LAW in os.environ:
+        lay_out_characters()
     gc.collect()
     gc.freeze()
     gc.set_threshold(5000, 20, 20)

@@ -16,13 +16,13 @@ import pytest
 import typer
 
 from recoil_acquisition.store.shot_log_row import COLUMNS as COLUMNS_OF_LOG
-from recoil_daq.cli import app
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.tables.certificate_table import COLUMNS as COLUMNS_OF_SENSORS
+from tests.builders.all_commands import all_commands
 from tests.builders.program_texts import program_texts
 from tests.rig_keys import page
 
-COMMANDS: dict[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]  # Click's own
+COMMANDS = all_commands()
 REFUSAL = typer.BadParameter.__mro__[1]
 """What Click raises, be it typer's copy of it, of words that a command does not take."""
 SAMPLES = {
@@ -51,9 +51,9 @@ OF_OTHERS = frozenset((
 """What stands in backticks and is neither a key nor a command."""
 PUT_IN = frozenset((
     "{SHOT_PLACE}", "{TABLE}", "{column}", "{command}", "{key}", "{known}", "{lacking}", "{name[0]}", "{nearest}",
-    "{nearest_first(role, list(known))[0]}", "{order}", "{recover}", "{self}", "{source.device}",
+    "{nearest_first(role, list(known))[0]}", "{order}", "{recover}", "{self}", "{source.device}", "mixed",
 ))  # fmt: skip
-"""What is put in when it is said: keys of the tables that are at fault, and commands that are texts of their own."""
+"""What is put in when it is said: keys of the tables that are at fault, commands that are texts of their own, and a rig's name."""
 QUOTED_BEFORE = frozenset(("rig", "capture", "file", "files", "out"))
 """Words that were made so before, of a command with several."""
 

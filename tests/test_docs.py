@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer
 from typer.testing import CliRunner
 
 import recoil_daq
@@ -23,6 +22,7 @@ from recoil_rigs.mechanism.model import generalized_forces, mass_matrix, velocit
 from recoil_rigs.rig import find_rig, load_rig
 from recoil_rigs.tables.rig_tables import ROLES
 from recoil_rigs.twin import simulate_shot
+from tests.builders.all_commands import all_commands
 from tests.builders.filled_drafts import filled
 from tests.builders.machine_stalls import MachineStalls
 from tests.builders.own_commands import own_commands
@@ -31,7 +31,7 @@ from tests.builders.virtual_shots import SHORTER, settling_soon, with_twin
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", ROOT / "SECURITY.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
-COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]  # its group is Click's own
+COMMANDS = all_commands()
 MOST_LINES = 150
 
 page = pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())

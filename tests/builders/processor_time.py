@@ -19,6 +19,8 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 LONGEST_S = 0.5
 """That a test without a marker may take, on a machine that takes `REFERENCE_S` for the exercise."""
@@ -78,6 +80,16 @@ def load_apart() -> None:
             execute(loader, module)
 
     SourceFileLoader.exec_module = exec_module  # type: ignore[method-assign]
+
+
+def lay_out_characters() -> None:
+    """Draw one text: in a fresh clone hypothesis works out its table of characters with it, which takes seconds."""
+
+    @settings(max_examples=1, database=None)
+    @given(st.text())
+    def drawn(_: str) -> None: ...
+
+    drawn()
 
 
 def _cached_apart(function: Callable[..., Any]) -> Any:

@@ -15,18 +15,17 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from recoil_daq import demo
-from recoil_daq.cli import app
+from recoil_daq.cli import COMMANDS, app
 from recoil_daq.demo import Demonstration
 from recoil_daq.live import device_check
 from recoil_daq.recording.ingest import ingest_files
 from recoil_rigs.rig import load_rig, parse_rig
 from recoil_rigs.twin import TwinShot
+from tests.builders.all_commands import all_commands
 from tests.builders.long_recordings import triggered_rig
 from tests.builders.machine_stalls import MachineStalls
 from tests.builders.page_elements import PageElements
 from tests.builders.virtual_shots import SHORTER, with_twin
-
-COMMANDS = ("ingest", "recover", "log", "identify", "simulate", "demo", "check", "formats", "show", "export")
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -35,6 +34,18 @@ def test_every_command_has_help_with_an_example(run, command):
     assert result.exit_code == 0
     assert f"Example: recoil-daq {command}" in result.output
     assert "--json" in result.output
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_list_of_commands_says_of_each_what_its_own_help_says(command):
+    assert all_commands()[command].help.partition("\n")[0] == COMMANDS[command].does
+
+
+def test_help_lists_every_command_and_a_name_of_none_is_refused(run):
+    listed = re.findall(r"^  (\w+)  ", run("--help").output.partition("Commands:")[2], re.MULTILINE)
+    assert listed == [*COMMANDS]
+    assert run("identity").exit_code == 2
+    assert "'identify'" in run("identity").stderr
 
 
 def text_of(page: Path) -> str:
@@ -102,6 +113,7 @@ def test_ingest_as_json_is_one_document(run, field_shot: TwinShot, tmp_path):
     assert document["alignment"][0]["clock"] == "camera"
 
 
+@pytest.mark.indispensable("identify")
 def test_identify_writes_a_complete_report(identified):
     folder, report = identified.reports / "0001", identified.report
     names = ["curves.csv", "mass.csv", "report.html", "report.json"]

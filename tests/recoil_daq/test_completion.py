@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from recoil_daq.cli import app
 from recoil_daq.commands.completion import complete_rig, complete_shot
+from tests.builders.all_commands import all_commands
 
 
 @pytest.fixture
@@ -53,7 +54,7 @@ def test_a_path_from_the_root_is_completed(folder: Path) -> None:
 )
 @pytest.mark.usefixtures("folder")
 def test_shots_of_the_folder_are_offered(params: dict[str, Path], begun: str, found: list[str]) -> None:
-    context = typer.Context(typer.main.get_command(app).commands["log"])  # type: ignore[attr-defined]
+    context = typer.Context(all_commands()["log"])
     context.params.update(params)
     assert complete_shot(context, begun) == found
 

@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from recoil_acquisition.errors import Fault, RecoilDaqError
+from recoil_acquisition.measured import figures_of, measured, worded
 from recoil_acquisition.remark import Remark
 from recoil_acquisition.shot import QualityCheck
 from recoil_daq import Simulated, load_rig, simulate
@@ -18,15 +19,22 @@ from tests.builders.virtual_shots import SHORTER, with_twin
 
 WORDED_ANEW = "\u2020"
 """Stands in every text that was worded anew."""
-OF_TEXTS = ("digest", "sha256", "size", "elapsed_s", "time_s")
-"""Keys of what texts or the moment of a run change."""
+OF_TEXTS = ("digest", "sha256", "size", "elapsed_s", "time_s", "at")
+"""Keys of what texts, or the moment of a run, change; "at" is where a figure stands in its text."""
 WORDS = ("problem", "expected", "found", "remedy", "detail", "text")
 """Keys of texts that may be of one word."""
 
 
 def anew(text: str) -> str:
-    """Word a text in a way in which no part of it is found again; what was worded anew before stays so."""
-    return text if WORDED_ANEW in text else WORDED_ANEW + text[::-1].swapcase()
+    """Word a text in a way in which no part of it is found again; what was worded anew before stays so.
+
+    Its figures are said again behind it, each in its own words: what a message measured is not its wording.
+    """
+    if WORDED_ANEW in text:
+        return text
+    figures = [(one, text[one.start : one.end]) for one in figures_of(text)]
+    said = [measured(one.value, one.unit, lambda _, words=words: words, unit_follows=True) for one, words in figures]
+    return worded(WORDED_ANEW + text[::-1].swapcase(), *said)
 
 
 @pytest.fixture
