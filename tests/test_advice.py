@@ -53,7 +53,7 @@ PUT_IN = frozenset((
     "{SHOT_PLACE}", "{TABLE}", "{column}", "{command}", "{key}", "{known}", "{lacking}", "{name[0]}", "{nearest}",
     "{nearest_first(role, list(known))[0]}", "{order}", "{recover}", "{self}", "{source.device}", "mixed",
 ))  # fmt: skip
-"""What is put in when it is said: keys of the tables that are at fault, commands that are texts of their own, and a rig's name."""
+"""What is put in: keys of the tables that are at fault, commands that are texts of their own, and the name of a rig."""
 QUOTED_BEFORE = frozenset(("rig", "capture", "file", "files", "out"))
 """Words that were made so before, of a command with several."""
 
