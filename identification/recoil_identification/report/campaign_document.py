@@ -23,7 +23,7 @@ from recoil_identification.estimate.mass import MEASURAND_OF_SHOTS
 from recoil_identification.report.document import outputs_of
 from recoil_identification.report.report_files import DRAWN, budget_rows, computer, json_bytes, sealed, stated, to_json
 from recoil_identification.report.spreadsheet import csv_text
-from recoil_identification.rows.unread_forces import FORCE
+from recoil_identification.rows.unread_resistance import FORCE
 from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.tables.issue import NOTHING_STATED, Issue
 

@@ -18,7 +18,7 @@ from recoil_identification.report.document import outputs_of, provenance_inputs,
 from recoil_identification.report.report_files import DRAWN, computer, json_bytes, sealed, stated, to_json
 from recoil_identification.report.traceability import channels_of, constants_of, rig_of
 from recoil_identification.shot.identified import Options
-from recoil_identification.targets.finding import Finding, Quantity, Series
+from recoil_identification.targets.target_result import Quantity, Series, TargetResult
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.rig_correction import Correction
 from recoil_rigs.tables.issue import NOTHING_STATED, Issue
@@ -28,7 +28,7 @@ SCHEMA = "recoil-daq/target/1"
 
 def target_document(
     shot: Shot,
-    found: Finding,
+    found: TargetResult,
     *,
     version: str,
     shot_file: InputFile,

@@ -15,8 +15,8 @@ from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.campaign_tables import changed
 from recoil_identification.report.document import report_document
 from recoil_identification.report.report_files import seal_fault
-from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target_document import target_document
+from recoil_identification.targets.target_result import TargetResult
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -77,7 +77,7 @@ def test_a_campaign_lists_its_signals_as_warnings_and_tells_no_change_twice() ->
 
 @pytest.mark.parametrize("reasons", [(), (REASON,)], ids=["valid", "not valid"])
 def test_a_target_lists_reasons_and_notes(reasons: tuple[Reason, ...]) -> None:
-    found = Finding("stiffness", "Stiffness", "By inverse dynamics.", (), reasons=reasons, notes=(NOTE,))
+    found = TargetResult("stiffness", "Stiffness", "By inverse dynamics.", (), reasons=reasons, notes=(NOTE,))
     document = target_document(virtual_shot("mixed").shot, found, version="1.2.3", shot_file=SHOT_FILE)
     assert_agree(document)
     assert document["findings"] == [one.to_json() for one in (*reasons, NOTE)]

@@ -31,8 +31,8 @@ from recoil_identification.report.paper import campaign_pdf, report_pdf, target_
 from recoil_identification.report.shot_index import INDEX, index_document, row_of_report
 from recoil_identification.report.spreadsheet import write_workbook
 from recoil_identification.report.sweep import SWEEP, found_row, sweep_document
-from recoil_identification.targets.finding import Finding, Quantity, Table
 from recoil_identification.targets.target_document import target_document
+from recoil_identification.targets.target_result import Quantity, Table, TargetResult
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -72,7 +72,7 @@ def of_shot() -> dict[str, Any]:
 def of_target() -> dict[str, Any]:
     quantity = Quantity("stiffness", "k", 3.25e7, 4.0e5, "N/m", "load on deflection")
     table = Table("Supports", "What each tells.", ("support", "rows"), (("ground", "38"),))
-    found = Finding("stiffness", "Stiffness", "By inverse dynamics.", (quantity,), tables=(table,))
+    found = TargetResult("stiffness", "Stiffness", "By inverse dynamics.", (quantity,), tables=(table,))
     shot_file = InputFile("s1.h5", "ab" * 32, 123, "", "shot file")
     return target_document(virtual_shot("mixed").shot, found, version="1", shot_file=shot_file)
 

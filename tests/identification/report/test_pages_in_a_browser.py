@@ -30,8 +30,8 @@ from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.report_files import to_json
 from recoil_identification.report.shot_index import index_document, row_of_report
 from recoil_identification.report.sweep import found_row, sweep_document, sweep_figures
-from recoil_identification.targets.finding import Finding, Quantity, Table
 from recoil_identification.targets.target_document import target_document
+from recoil_identification.targets.target_result import Quantity, Table, TargetResult
 from recoil_rigs.tables.issue import Issue
 from tests.builders.browsers import find_browser, print_page, visit
 from tests.builders.campaign_summaries import campaign_of
@@ -343,7 +343,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     mass = Quantity("recoiling mass", "m3", 784.0, 3.0, "kg", "all equations", 782.0, 0.0, of_recoiling_part=True)
     table = Table("Supports", "What each tells.", ("support", "rows", "share"), (("ground", "38", "0.3"),))
     reason = Reason(ReasonCode.RIG, None, "the ground gives way: look at its anchors")
-    found = Finding(
+    found = TargetResult(
         "stiffness", "Stiffness", "By inverse dynamics.", (quantity, mass) * 2, tables=(table,), reasons=(reason,)
     )
     target = target_document(

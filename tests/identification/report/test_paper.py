@@ -26,8 +26,8 @@ from recoil_identification.report.figures import report_figures
 from recoil_identification.report.paper import campaign_pdf, report_pdf, target_pdf, write_figures
 from recoil_identification.report.report_files import write_document
 from recoil_identification.report.svg import figure_svg
-from recoil_identification.targets.finding import Finding, Quantity, Table
 from recoil_identification.targets.target_document import target_document
+from recoil_identification.targets.target_result import Quantity, Table, TargetResult
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -200,7 +200,7 @@ def test_a_report_of_nothing_but_its_verdict_can_be_printed():
 
 def test_a_target_has_a_paper_copy_too():
     quantity = Quantity("stiffness of the ground", "k", 3.25e7, 4.0e5, "N/m", "load on deflection", 3.0e7)
-    found = Finding(
+    found = TargetResult(
         "stiffness", "Stiffness", "By inverse dynamics.", (quantity,), (SMALL,),
         tables=(Table("Supports", "What each tells.", ("support", "rows"), (("ground", "38"),)),),
         reasons=(Reason(ReasonCode.MODEL, "ground", "it slipped"),),

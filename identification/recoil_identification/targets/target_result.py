@@ -2,11 +2,11 @@
 
 ::
 
-    Finding   quantities with intervals, series over time, figures, and why (not) to trust it
-    +-- Quantity     one number
-    +-- Series       columns over time, each with its standard uncertainty where it has one
-    +-- Table        further rows for the page
-    +-- Figure       of `recoil_identification.report.figure`
+    TargetResult  quantities with intervals, series over time, figures, and why (not) to trust it
+    +-- Quantity      one number
+    +-- Series        columns over time, each with its standard uncertainty where it has one
+    +-- Table         further rows for the page
+    +-- Figure        of `recoil_identification.report.figure`
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class Series:
 
 
 @dataclass(frozen=True, eq=False)
-class Finding:
+class TargetResult:
     """The result of one target.
 
     Attributes

@@ -18,7 +18,7 @@ from recoil_acquisition.readers.captured import sources_of
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.rdlog import CaptureReader
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.serial.capture import SerialRecording, _reads, back_dated, without_steps
+from recoil_acquisition.readers.serial.captured_port import SerialRecording, _reads, back_dated, without_steps
 from recoil_acquisition.readers.serial.plain import SerialBytesReader
 from recoil_acquisition.readers.table import surest_claim
 from recoil_acquisition.readers.time.increasing_stamps import increasing

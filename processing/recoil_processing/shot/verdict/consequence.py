@@ -1,4 +1,4 @@
-"""Largest influence on the mass of a channel that only corrects, before there is an estimate.
+"""Largest consequence for the mass of a channel that only corrects, before there is an estimate.
 
 The mass is force over acceleration; the carriage's sensors only correct that acceleration for where the accelerometer
 sits, and the camera's travel for the carriage's motion. So a failed check of theirs is worth what the mass moves by if
@@ -43,7 +43,7 @@ from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 
-LEAST_INFLUENCE = 0.1
+LEAST_CONSEQUENCE = 0.1
 """Share of the mass's standard uncertainty below which a failed check is a warning: it adds half a percent to it."""
 NOISY = frozenset({Check.BASELINE, Check.FILTERED_NOISE, Check.HUM})
 """Checks of a channel's noise: its rest shows what that is."""
@@ -61,7 +61,7 @@ PLACES = 8
 
 
 @dataclass(frozen=True)
-class Influence:
+class Consequence:
     """By how much a mass may move.
 
     Attributes
@@ -79,12 +79,12 @@ class Influence:
         if not self.mass_kg:
             return "no mass hangs on it"
         return (
-            f"it moves the mass by up to {self.mass_kg:.2g} kg, {self.share:.2g} of its u (limit {LEAST_INFLUENCE:g})"
+            f"it moves the mass by up to {self.mass_kg:.2g} kg, {self.share:.2g} of its u (limit {LEAST_CONSEQUENCE:g})"
         )
 
 
 def weighed(checks: Sequence[QualityCheck], fired: FiredShot, recoil: Recoil | None) -> list[QualityCheck]:
-    """Let a failed check count by what it can do to the mass: below `LEAST_INFLUENCE` it is a warning.
+    """Let a failed check count by what it can do to the mass: below `LEAST_CONSEQUENCE` it is a warning.
 
     Parameters
     ----------
@@ -100,12 +100,12 @@ def weighed(checks: Sequence[QualityCheck], fired: FiredShot, recoil: Recoil | N
     aside: dict[str, QualityCheck] = {}
     for check in checks:
         concerned = _concerned(check, fired) if check.verdict == "fail" else None
-        worst = None if concerned is None else influence(fired, recoil, concerned, noise=check.check in NOISY)
+        worst = None if concerned is None else consequence(fired, recoil, concerned, noise=check.check in NOISY)
         if concerned is None or worst is None:
             judged.append(check)
             continue
         detail = worded(check.detail, f"; {worst}")
-        small = worst.share <= LEAST_INFLUENCE
+        small = worst.share <= LEAST_CONSEQUENCE
         missable = motion_role(fired) == "recoil_acceleration" and concerned <= set(MISSABLE)
         judged.append(replace(check, verdict="warn" if small or missable else "fail", detail=detail))
         if missable and not small:
@@ -120,9 +120,9 @@ def set_aside(shot: Shot) -> tuple[QualityCheck, ...]:
     return tuple(check for check in shot.quality if check.check is Check.SET_ASIDE)
 
 
-def influence(
+def consequence(
     fired: FiredShot, recoil: Recoil | None, roles: Collection[str], *, noise: bool = False
-) -> Influence | None:
+) -> Consequence | None:
     """Return by how much the mass moves at most if sensors of some of `CARRIAGE_ROLES` read nothing, or are noisy.
 
     Parameters
@@ -134,11 +134,11 @@ def influence(
 
     Returns
     -------
-    Influence or None
-        Influence of the sensors; None where the record does not show how much they contributed.
+    Consequence or None
+        Consequence of the sensors; None where the record does not show how much they contributed.
     """
     if not roles:
-        return Influence(0.0, 0.0)
+        return Consequence(0.0, 0.0)
     if recoil is None or recoil.regression is None or recoil.turned:
         return None
     series, inside = recoil.signals.series, recoil.regression.inside
@@ -150,7 +150,7 @@ def influence(
     others = _noisier(recoil, fired.rig, roles) if noise else ()
     shares = [_share(recoil, fired.rig, *other, camera=camera) for other in others or _silent(recoil, fired.rig, roles)]
     worst, least_u = max(shares), least_u_rel(fired.rig)
-    return Influence(worst * fired.rig.mechanism.m3, worst / least_u if least_u > 0 else math.inf)
+    return Consequence(worst * fired.rig.mechanism.m3, worst / least_u if least_u > 0 else math.inf)
 
 
 def least_u_rel(rig: Rig) -> float:

@@ -6,9 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from recoil_identification.targets.forces.force_input import InputEstimate, estimate_input, thinning_factor
 from recoil_identification.targets.forces.force_inversion import InvertedForce, invert_force
 from recoil_identification.targets.forces.force_peak import find_peak
+from recoil_identification.targets.forces.input_estimate import InputEstimate, estimate_input, thinning_factor
 from recoil_processing.stress_waves.ringing import Mode
 from tests.builders.driven_parts import GAIN_ERROR, HELD_N, ONSET_S, DrivenPart, driven_part
 

@@ -15,7 +15,14 @@ from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import Beside, calibrated_mass
 from recoil_identification.rows.causes import Cause
 from recoil_identification.rows.row_noise import RowNoise
-from recoil_identification.rows.unread_forces import FORCE, SHARE, SLIDE, force_shapes, shape_of_force, unread_causes
+from recoil_identification.rows.unread_resistance import (
+    FORCE,
+    SHARE,
+    SLIDE,
+    force_shapes,
+    shape_of_force,
+    unread_causes,
+)
 from recoil_processing.double_integral import integrate
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, build_regression

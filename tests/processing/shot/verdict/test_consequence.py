@@ -12,7 +12,7 @@ import pytest
 from recoil_acquisition.shot import Check, QualityCheck, Shot
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
-from recoil_processing.shot.verdict.influence import LEAST_INFLUENCE, least_u_rel, weighed
+from recoil_processing.shot.verdict.consequence import LEAST_CONSEQUENCE, least_u_rel, weighed
 from recoil_processing.shot.verdict.motion_quality import recoil_of
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.shots.fired_shot import FiredShot
@@ -54,7 +54,7 @@ def test_a_carriage_gyro_that_hardly_leaves_its_noise_is_a_warning_with_its_kilo
     assert ratio_db <= 8
     assert check.verdict == "warn"
     stated_kg = float(re.search(r"moves the mass by up to ([\d.]+) kg", check.detail)[1])
-    assert stated_kg <= LEAST_INFLUENCE * least_u_rel(virtual.rig) * virtual.rig.mechanism.m3
+    assert stated_kg <= LEAST_CONSEQUENCE * least_u_rel(virtual.rig) * virtual.rig.mechanism.m3
     found, plain = found_by(shot, virtual), identified(name)
     assert (shot.usable, found.valid) == (True, True), (shot.reasons, found.reasons)
     # and that is what it does, to the noise's own scatter
