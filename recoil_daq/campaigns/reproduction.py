@@ -41,7 +41,7 @@ from recoil_daq.version import __version__
 from recoil_daq.workers import Workers
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.combination import combine
-from recoil_identification.report.campaign_document import (
+from recoil_identification.report.document.campaign_document import (
     CAMPAIGN_FILE,
     LARGEST_ANSWER,
     SCHEMA,
@@ -50,12 +50,12 @@ from recoil_identification.report.campaign_document import (
     campaign_table,
     with_history,
 )
-from recoil_identification.report.history import history_again
-from recoil_identification.report.html import CAMPAIGN_PAGE
-from recoil_identification.report.page_files import SCRIPT_NAME
-from recoil_identification.report.paper import CAMPAIGN_PDF
-from recoil_identification.report.report_files import DRAWN, REPORT_FILE
-from recoil_identification.report.reproduction import Comparison
+from recoil_identification.report.document.report_files import DRAWN, REPORT_FILE
+from recoil_identification.report.document.reproduction import Comparison
+from recoil_identification.report.page.html import CAMPAIGN_PAGE
+from recoil_identification.report.page.page_files import SCRIPT_NAME
+from recoil_identification.report.paper.paper import CAMPAIGN_PDF
+from recoil_identification.report.results.history import history_again
 from recoil_rigs.tables.issue import Issue
 
 OF_THE_RUN = frozenset({NoteCode.IDENTIFIED_ANEW, NoteCode.LOG_ROW, NoteCode.SET_ASIDE})

@@ -11,9 +11,9 @@ from recoil_acquisition.errors import ReadError, quoted
 from recoil_daq.reports.reproduction import ANEW, KeptDocument, recompute
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
-from recoil_identification.report.explanation import Entry, explained
-from recoil_identification.report.report_files import computer
-from recoil_identification.report.reproduction import ELSEWHERE, Comparison, Difference
+from recoil_identification.report.document.explanation import Entry, explained
+from recoil_identification.report.document.report_files import computer
+from recoil_identification.report.document.reproduction import ELSEWHERE, Comparison, Difference
 from recoil_rigs.shots.fired_shot import FiredShot
 
 MOST_LISTED = 1000

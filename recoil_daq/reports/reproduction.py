@@ -29,9 +29,7 @@ from recoil_daq.reports.sweep import sweeps_again
 from recoil_daq.reports.targets import files_of, find_target, target_pages, target_reported
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
-from recoil_identification.report.html import PAGE_NAME
-from recoil_identification.report.paper import FIGURES_FOLDER, PDF_FILE
-from recoil_identification.report.report_files import (
+from recoil_identification.report.document.report_files import (
     CURVES_FILE,
     LARGEST_REPORT,
     REPORT_FILE,
@@ -41,8 +39,10 @@ from recoil_identification.report.report_files import (
     digest_of,
     refuse_deep,
 )
-from recoil_identification.report.report_files import SCHEMA as REPORT_SCHEMA
-from recoil_identification.report.reproduction import Comparison, Difference, compare, compare_tables
+from recoil_identification.report.document.report_files import SCHEMA as REPORT_SCHEMA
+from recoil_identification.report.document.reproduction import Comparison, Difference, compare, compare_tables
+from recoil_identification.report.page.html import PAGE_NAME
+from recoil_identification.report.paper.paper import FIGURES_FOLDER, PDF_FILE
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_identification.targets import target_function, target_names

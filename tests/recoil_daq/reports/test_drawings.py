@@ -20,9 +20,9 @@ from recoil_daq.reports import drawings
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.output import Pages
 from recoil_daq.reports.reproduction import Kept, Recomputed, recompute
-from recoil_identification.report.report_files import sealed
-from recoil_identification.report.reproduction import Comparison
-from recoil_identification.report.typeset import png_bytes
+from recoil_identification.report.document.report_files import sealed
+from recoil_identification.report.document.reproduction import Comparison
+from recoil_identification.report.paper.typeset import png_bytes
 
 HEADER = 'number = "TR-7"\nunits = ["bar", "g"]\n'
 FIGURE = "figures/mass"

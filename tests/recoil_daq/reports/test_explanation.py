@@ -27,8 +27,8 @@ from recoil_daq.reports.reproduction import Kept, other_digits, recompute
 from recoil_daq.reports.stored_shot import StoredShot
 from recoil_daq.terminal.console import shown
 from recoil_daq.terminal.explanation import print_checked, print_explained
-from recoil_identification.report.report_files import sealed
-from recoil_identification.report.reproduction import leaves_of
+from recoil_identification.report.document.report_files import sealed
+from recoil_identification.report.document.reproduction import leaves_of
 from recoil_identification.shot.identified import Identification
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_rigs.rig import find_rig
