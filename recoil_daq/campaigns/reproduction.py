@@ -22,20 +22,11 @@ from recoil_daq.reports.explanation import (
     folders_of,
 )
 from recoil_daq.reports.forms import Forms
-from recoil_daq.reports.reproduction import (
-    SHOTS,
-    Again,
-    Ingredient,
-    Kept,
-    KeptDocument,
-    KeptTarget,
-    digest_differences,
-    find_reports,
-    recompute,
-    reports_in,
-    rows_since,
-    targets_in,
-)
+from recoil_daq.reports.reproduction.ingredient import Ingredient, digest_differences, rows_since
+from recoil_daq.reports.reproduction.kept_document import Again, KeptDocument
+from recoil_daq.reports.reproduction.kept_report import SHOTS, Kept, KeptTarget
+from recoil_daq.reports.reproduction.places import find_reports, reports_in, targets_in
+from recoil_daq.reports.reproduction.recomputed import recompute
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
 from recoil_daq.workers import Workers

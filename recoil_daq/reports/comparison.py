@@ -16,7 +16,7 @@ from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_acquisition.store import shot_summary
 from recoil_daq.reports.output import Output
 from recoil_daq.reports.report_folder import publish, refuse_existing, way_to_page
-from recoil_daq.reports.reproduction import ANEW, find_reports
+from recoil_daq.reports.reproduction.places import ANEW, find_reports
 from recoil_daq.terminal.result import PagedDocument
 from recoil_daq.version import __version__
 from recoil_identification.report.document.report_files import (

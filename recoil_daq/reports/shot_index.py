@@ -17,7 +17,7 @@ from recoil_daq.arguments import REPORTS, SHOTS, named_report, named_shot
 from recoil_daq.reports.comparison import report_fault
 from recoil_daq.reports.output import Output
 from recoil_daq.reports.report_folder import publish, way_to_page
-from recoil_daq.reports.reproduction import ANEW, reports_in
+from recoil_daq.reports.reproduction.places import ANEW, reports_in
 from recoil_daq.terminal.result import PagedDocument, Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.content.result_table import Row

@@ -36,7 +36,10 @@ OTHERS_TEXTS = {
         "daq/recoil_acquisition/channel.py",
         "mask overloads",
     ): "the name of a step in a shot's history, fixed by its file",
-    ("recoil_daq/reports/reproduction.py", "shot log"): "the name of an input in a report, fixed by its schema",
+    (
+        "recoil_daq/reports/reproduction/ingredient.py",
+        "shot log",
+    ): "the name of an input in a report, fixed by its schema",
     (
         "identification/recoil_identification/report/figure/campaign_figures.py",
         "moving range",
