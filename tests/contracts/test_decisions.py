@@ -37,7 +37,7 @@ OTHERS_TEXTS = {
         "mask overloads",
     ): "the name of a step in a shot's history, fixed by its file",
     (
-        "recoil_daq/reports/reproduction/ingredient.py",
+        "recoil_daq/reports/reproduction/kept_report.py",
         "shot log",
     ): "the name of an input in a report, fixed by its schema",
     (

@@ -1,4 +1,4 @@
-"""What a document was made of, beside what lies there now."""
+"""A file that a document was made of, beside what lies there now."""
 
 from __future__ import annotations
 
