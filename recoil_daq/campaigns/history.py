@@ -14,11 +14,11 @@ from recoil_acquisition.files.regular_file import read_small
 from recoil_acquisition.files.strict_json import read_json, told_in_one_line
 from recoil_daq.campaigns.sources import CampaignReport
 from recoil_daq.reports.report_folder import way_to_page
-from recoil_identification.report.campaign_document import CAMPAIGN_FILE, LARGEST_ANSWER, SCHEMA
-from recoil_identification.report.history import THIS, history_document, row_of, shared_kg2
-from recoil_identification.report.html import CAMPAIGN_PAGE
-from recoil_identification.report.report_files import REPORT_FILE, refuse_deep, seal_fault
-from recoil_identification.report.result_table import Row
+from recoil_identification.report.content.result_table import Row
+from recoil_identification.report.document.campaign_document import CAMPAIGN_FILE, LARGEST_ANSWER, SCHEMA
+from recoil_identification.report.document.report_files import REPORT_FILE, refuse_deep, seal_fault
+from recoil_identification.report.page.html import CAMPAIGN_PAGE
+from recoil_identification.report.results.history import THIS, history_document, row_of, shared_kg2
 
 HISTORY_FILE = "earlier campaign"
 """Source of an earlier campaign's answer among the inputs of an answer."""

@@ -22,26 +22,17 @@ from recoil_daq.reports.explanation import (
     folders_of,
 )
 from recoil_daq.reports.forms import Forms
-from recoil_daq.reports.reproduction import (
-    SHOTS,
-    Again,
-    Ingredient,
-    Kept,
-    KeptDocument,
-    KeptTarget,
-    digest_differences,
-    find_reports,
-    recompute,
-    reports_in,
-    rows_since,
-    targets_in,
-)
+from recoil_daq.reports.reproduction.ingredient import Ingredient, digest_differences, rows_since
+from recoil_daq.reports.reproduction.kept_document import Again, KeptDocument
+from recoil_daq.reports.reproduction.kept_report import SHOTS, Kept, KeptTarget
+from recoil_daq.reports.reproduction.places import find_reports, reports_in, targets_in
+from recoil_daq.reports.reproduction.recomputed import recompute
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
 from recoil_daq.workers import Workers
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.combination import combine
-from recoil_identification.report.campaign_document import (
+from recoil_identification.report.document.campaign_document import (
     CAMPAIGN_FILE,
     LARGEST_ANSWER,
     SCHEMA,
@@ -50,12 +41,12 @@ from recoil_identification.report.campaign_document import (
     campaign_table,
     with_history,
 )
-from recoil_identification.report.history import history_again
-from recoil_identification.report.html import CAMPAIGN_PAGE
-from recoil_identification.report.page_files import SCRIPT_NAME
-from recoil_identification.report.paper import CAMPAIGN_PDF
-from recoil_identification.report.report_files import DRAWN, REPORT_FILE
-from recoil_identification.report.reproduction import Comparison
+from recoil_identification.report.document.report_files import DRAWN, REPORT_FILE
+from recoil_identification.report.document.reproduction import Comparison
+from recoil_identification.report.page.html import CAMPAIGN_PAGE
+from recoil_identification.report.page.page_files import SCRIPT_NAME
+from recoil_identification.report.paper.paper import CAMPAIGN_PDF
+from recoil_identification.report.results.history import history_again
 from recoil_rigs.tables.issue import Issue
 
 OF_THE_RUN = frozenset({NoteCode.IDENTIFIED_ANEW, NoteCode.LOG_ROW, NoteCode.SET_ASIDE})

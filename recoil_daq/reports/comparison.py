@@ -16,13 +16,10 @@ from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_acquisition.store import shot_summary
 from recoil_daq.reports.output import Output
 from recoil_daq.reports.report_folder import publish, refuse_existing, way_to_page
-from recoil_daq.reports.reproduction import ANEW, find_reports
+from recoil_daq.reports.reproduction.places import ANEW, find_reports
 from recoil_daq.terminal.result import PagedDocument
 from recoil_daq.version import __version__
-from recoil_identification.report.beside import Laid, beside_document, beside_figures
-from recoil_identification.report.html import BESIDE_PAGE, render_results_page
-from recoil_identification.report.page_files import write_page, write_script
-from recoil_identification.report.report_files import (
+from recoil_identification.report.document.report_files import (
     LARGEST_REPORT,
     REPORT_FILE,
     SEAL,
@@ -32,6 +29,9 @@ from recoil_identification.report.report_files import (
     refuse_changed,
     seal_fault,
 )
+from recoil_identification.report.page.html import BESIDE_PAGE, render_results_page
+from recoil_identification.report.page.page_files import write_page, write_script
+from recoil_identification.report.results.beside import Laid, beside_document, beside_figures
 
 
 @dataclass(frozen=True, repr=False)

@@ -18,7 +18,7 @@ from pathlib import Path
 from recoil_acquisition.errors import ErrorCode, StoreError
 from recoil_acquisition.files.new_file import partial_path, partials_of, sync_file, sync_folder
 from recoil_acquisition.log.segment import FolderLock, is_being_written
-from recoil_identification.report.html import PAGE_NAME
+from recoil_identification.report.page.html import PAGE_NAME
 
 _NEW, _OLD, _REPLACED = "new", "old", "replaced.json"
 

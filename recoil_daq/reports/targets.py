@@ -15,10 +15,10 @@ from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import StoredShot, read_stored
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
-from recoil_identification.report.chosen_units import ChosenUnits
-from recoil_identification.report.html import render_target_page
-from recoil_identification.report.paper import target_pdf
-from recoil_identification.report.report_files import write_files
+from recoil_identification.report.content.chosen_units import ChosenUnits
+from recoil_identification.report.document.report_files import write_files
+from recoil_identification.report.page.html import render_target_page
+from recoil_identification.report.paper.paper import target_pdf
 from recoil_identification.shot.identified import Options
 from recoil_identification.targets import target_function
 from recoil_identification.targets.target import Case

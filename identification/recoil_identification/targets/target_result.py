@@ -6,7 +6,7 @@
     +-- Quantity      one number
     +-- Series        columns over time, each with its standard uncertainty where it has one
     +-- Table         further rows for the page
-    +-- Figure        of `recoil_identification.report.figure`
+    +-- Figure        of `recoil_identification.report.figure.figure`
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.remark import Note, Reason
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
-from recoil_identification.report.figure import Figure
+from recoil_identification.report.figure.figure import Figure
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.shot import InputFile
-from recoil_identification.report.formulas import formula_of
-from recoil_identification.report.html import render_target_page
-from recoil_identification.report.tables import quantities, tolerances
+from recoil_identification.report.content.tables import quantities, tolerances
+from recoil_identification.report.document.formulas import formula_of
+from recoil_identification.report.page.html import render_target_page
 from recoil_identification.targets.target_document import target_document
 from recoil_identification.targets.target_result import Quantity, TargetResult
 from recoil_rigs.tables.issue import Issue

@@ -12,8 +12,8 @@ import pytest
 
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import InputFile
-from recoil_identification.report.figure import Figure, Panel, Trace
-from recoil_identification.report.html import render_target_page
+from recoil_identification.report.figure.figure import Figure, Panel, Trace
+from recoil_identification.report.page.html import render_target_page
 from recoil_identification.targets import TARGETS, target_function
 from recoil_identification.targets.target import Case
 from recoil_identification.targets.target_document import SCHEMA, series_text, target_document, write_target_document

@@ -15,7 +15,7 @@ from recoil_acquisition.errors import ReadError
 from recoil_daq import __version__
 from recoil_daq.campaigns.campaign import campaign
 from recoil_daq.campaigns.reproduction import check_reports
-from recoil_identification.report.report_files import json_bytes, sealed
+from recoil_identification.report.document.report_files import json_bytes, sealed
 from tests.builders.campaign_reports import write_report
 from tests.builders.campaign_summaries import campaign_of
 

@@ -9,7 +9,7 @@ import numpy as np
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_identification.estimate.mass import MassEstimate
 from recoil_identification.estimate.rounding import rounded, significant
-from recoil_identification.report.report_files import stated
+from recoil_identification.report.document.report_files import stated
 from recoil_identification.targets.arx.choice import choose_model, order_grid
 from recoil_identification.targets.arx.decimated_record import decimated, force_noise_n
 from recoil_identification.targets.arx.figures import frequency_figure, order_figure, output_figure, residual_figure

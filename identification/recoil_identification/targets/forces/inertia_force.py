@@ -11,7 +11,7 @@ from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.rounding import significant
-from recoil_identification.report.figure import TIME, Figure, Panel, Span, Trace
+from recoil_identification.report.figure.figure import TIME, Figure, Panel, Span, Trace
 from recoil_identification.targets.parameters.base_parameters import BaseParameters
 from recoil_identification.targets.parameters.inertia_forces import (
     FORCES,

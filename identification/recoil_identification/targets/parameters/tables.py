@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.estimate.rounding import rounded, significant
-from recoil_identification.report.figure import TIME, Figure, HorizontalLine, Panel, Trace
+from recoil_identification.report.figure.figure import TIME, Figure, HorizontalLine, Panel, Trace
 from recoil_identification.targets.parameters.base_parameters import BaseParameters
 from recoil_identification.targets.parameters.mechanism_fit import LARGEST_U, MechanismFit, natural_scales
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows

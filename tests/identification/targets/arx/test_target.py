@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.report.drawing import drawing
+from recoil_identification.report.figure.drawing import drawing
 from recoil_identification.targets import target_function
 from recoil_identification.targets.arx.target import find
 from recoil_identification.targets.target import Case
