@@ -32,7 +32,7 @@ class TableLayout:
     text_columns
         Columns that hold no numbers; they are left out, as is the column of time.
     decimal_comma, missing, comment, thousands
-        How the rows are written, as `recoil_acquisition.readers.text.text_table.find_block` takes it.
+        Format of the rows, as `recoil_acquisition.readers.text.text_table.find_block` takes it.
     """
 
     separator: str
