@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from recoil_acquisition.errors import WorkerError
-from recoil_daq.work import GaveWay, named_work
-from recoil_daq.worker_processes import WorkerProcesses
+from recoil_daq.worker_processes import GaveWay, WorkerProcesses, named_work
 
 
 @dataclass(eq=False)

@@ -19,10 +19,7 @@ from typing import IO, Any, Self, cast
 
 from recoil_acquisition.linear_algebra import LIMITS
 
-NOWHERE = subprocess.DEVNULL
-"""Stream that nobody reads."""
-
-_BELOW_NORMAL = 5
+BELOW_NORMAL = 5
 """Nice value of what gives way to an acquisition, and is done before the next shot where other programs are busy too.
 What works on live shots shares one queue, so that nothing in it may be lower: a verdict would wait behind a mass that
 no other program lets go on."""
@@ -86,8 +83,7 @@ class ChildProcess:
     Parameters
     ----------
     errors
-        Stream of its errors, as `subprocess.Popen` takes it; a file goes with the process. One that serves needs
-        another than a pipe, which nobody reads meanwhile.
+        File for its errors, which goes with the process: one that serves needs it, for nobody reads a pipe meanwhile.
     below_normal
         Whether it gives way to other programs.
 
@@ -101,7 +97,7 @@ class ChildProcess:
         self,
         module: str,
         *arguments: str,
-        errors: int | IO[bytes] | None = subprocess.PIPE,
+        errors: IO[bytes] | None = None,
         below_normal: bool = False,
     ) -> None:
         apart: dict[str, Any] = {"process_group": 0}
@@ -112,11 +108,11 @@ class ChildProcess:
             # with -P Python does not look for modules in the working folder: a user's file that happens to be named
             # `numpy.py` or `daq.py` is not run; PYTHONPATH, which is the user's will, holds
             [sys.executable, "-P", "-m", module, *arguments],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE if errors is None else errors,
             env=os.environ | dict.fromkeys(LIMITS, "1"), **apart,
         )  # fmt: skip
         if below_normal and sys.platform != "win32":
-            os.setpriority(os.PRIO_PROCESS, self._process.pid, _BELOW_NORMAL)
+            os.setpriority(os.PRIO_PROCESS, self._process.pid, BELOW_NORMAL)
         self._errors = errors
         self._reading: threading.Event | None = None
         self._ended: Ended | None = None
@@ -159,7 +155,7 @@ class ChildProcess:
     def _read_to_the_end(self, given: bytes, done: threading.Event) -> None:
         try:
             out, errors = self._process.communicate(given)
-            if self._errors is not None and not isinstance(self._errors, int):
+            if self._errors is not None:
                 self._errors.seek(0)
                 errors = self._errors.read()
             lines = (errors or b"").decode(errors="replace").strip().splitlines()
@@ -173,27 +169,15 @@ class ChildProcess:
         Raises
         ------
         OSError
-            If it has ended, or nobody is to ask it any more.
+            If it has ended.
         """
-        try:
-            put(self._requests, kind, content)
-            self._requests.flush()
-        except ValueError as error:  # of a closed stream
-            raise BrokenPipeError("nobody is to ask it any more") from error
+        requests = cast("IO[bytes]", self._process.stdin)
+        put(requests, kind, content)
+        requests.flush()
 
     def answer(self, most: int = sys.maxsize) -> tuple[bytes, bytes]:
         """Wait for the next answer, and return it as `take` does."""
         return take(cast("IO[bytes]", self._process.stdout), most)
-
-    def hang_up(self) -> None:
-        """Ask no more."""
-        with contextlib.suppress(OSError):  # it has ended
-            self._requests.close()
-
-    def wait(self, timeout_s: float) -> None:
-        """Wait for the end of one that nobody asks any more, so long at most."""
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(timeout_s)
 
     def kill(self) -> None:
         """End it at once, and what it started, unless it has ended."""
@@ -210,13 +194,9 @@ class ChildProcess:
             self._reading.wait()
         self._process.wait()
         for stream in (self._process.stdin, self._process.stdout, self._process.stderr, self._errors):
-            if stream is not None and not isinstance(stream, int):
+            if stream is not None:
                 with contextlib.suppress(OSError):  # what it was asked and did not read
                     stream.close()
-
-    @property
-    def _requests(self) -> IO[bytes]:
-        return cast("IO[bytes]", self._process.stdin)
 
 
 def put(stream: IO[bytes], kind: bytes, content: bytes = b"") -> None:

@@ -76,7 +76,7 @@ class Warm:
 
     @property
     def pid(self) -> int:
-        (number,) = self.worker._processes.pids  # type: ignore[union-attr]
+        (number,) = self.worker._processes._pool._processes  # type: ignore[union-attr]
         return int(number)
 
     def shot(self, name: str, files: tuple[Path, ...]) -> tuple[float, float, LiveShot]:

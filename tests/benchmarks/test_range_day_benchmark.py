@@ -94,7 +94,7 @@ def workers_of(pid: int) -> Iterator[int]:
             said = (path / "cmdline").read_bytes()
         except OSError:
             continue
-        if parent == pid and b"recoil_daq.work" in said:
+        if parent == pid and b"multiprocessing" in said and b"resource_tracker" not in said:
             yield int(path.name)
 
 

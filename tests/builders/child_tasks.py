@@ -25,6 +25,7 @@ def main(what: str, *rest: str) -> None:
         kind, content = take(sys.stdin.buffer)
         put(sys.stdout.buffer, kind, content.upper())
         sys.stdout.buffer.write(b"half")
+        sys.stderr.write("it is done\n")
 
 
 if __name__ == "__main__":

@@ -221,28 +221,3 @@ def test_whatever_ends_the_command_its_processes_end_and_leave_nothing_half_writ
         time.sleep(0.02)
     assert not list(tmp_path.glob("*.partial"))
     assert said.count("Traceback") == (number == signal.SIGINT), f"only of the script itself, not:\n{said}"
-    assert number == signal.SIGINT or not said
-
-
-ORPHANED = """
-    import os, signal
-    from pathlib import Path
-    from recoil_daq.workers import Workers
-    from tests.builders import pieces_of_work as work
-
-    with Workers(2) as workers:
-        for _ in range(2):
-            assert list(workers.map(work.square, range(4), list("abcd"))) == [0, 1, 4, 9]
-            for started in Path(f"/proc/self/task").glob("*/children"):
-                for pid in started.read_text().split():
-                    os.kill(int(pid), signal.SIGKILL)
-"""
-
-
-@pytest.mark.whole_way
-@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="the system does not tell a process's children")
-def test_whoever_kills_all_that_was_started_leaves_nothing_on_the_screen(tmp_path: Path) -> None:
-    path = tmp_path / "script.py"
-    path.write_text(textwrap.dedent(ORPHANED), encoding="utf-8")
-    done = subprocess.run([sys.executable, path], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")

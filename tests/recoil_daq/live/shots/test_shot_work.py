@@ -123,7 +123,7 @@ def test_a_shot_whose_worker_is_killed_is_converted_by_another_one_be_it_written
 ) -> None:
     target = tmp_path / "0001.h5"
     conversion = Conversion(load_rig("field-2013"), field_shot.files, "0001", tmp_path, worker=worker)
-    (number,) = worker._processes.pids  # type: ignore[union-attr]
+    (number,) = worker._processes._pool._processes  # type: ignore[union-attr]
     while written and not target.exists():
         time.sleep(0.001)
     kill(number)
@@ -149,7 +149,7 @@ def test_a_shot_file_of_somebody_else_is_not_replaced_though_the_worker_was_kill
 ) -> None:
     (tmp_path / "0001.h5").write_bytes(b"not mine")
     conversion = Conversion(load_rig("field-2013"), field_shot.files, "0001", tmp_path, worker=worker)
-    (number,) = worker._processes.pids  # type: ignore[union-attr]
+    (number,) = worker._processes._pool._processes  # type: ignore[union-attr]
     kill(number)
     code, document = outcome(conversion)
     assert (code, document["code"]) == (3, "exists")
