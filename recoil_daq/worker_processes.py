@@ -46,7 +46,7 @@ _may_give_way = False
 class WorkerProcesses:
     """Processes of this machine, started anew: what this one has in its memory or runs as a script is not theirs.
 
-    They are tied to this process by a pipe: when that is closed, or this process is gone, they end. No `ChildProcess`
+    They are tied to this process by a pipe: when that is closed, or this process is gone, they end. They are not
     of `recoil_acquisition.child_process`: work and results are objects, which the standard library's pool carries, and
     no module of ours unpickles.
 
