@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
-from recoil_acquisition.files.regular_file import read_beginning, read_small
+from recoil_acquisition.files.regular_file import read_beginning, read_small, require_name
 from recoil_acquisition.files.strict_json import read_json, told_in_one_line
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import InputFile
@@ -59,8 +58,6 @@ SHOTS = "shots"
 ANEW = "identify the shot anew"
 MOST_OF_A_TABLE = 2
 """Times the size of a file made again, beyond which the one beside a report is not read: it is another one."""
-LONGEST_NAME_BYTES = 255
-"""Bytes of a file's longest name, on any usual file system."""
 
 
 @dataclass(frozen=True)
@@ -383,9 +380,7 @@ class Kept(KeptDocument):
             for one in self.document["provenance"]["inputs"]
         ]
         for one in found:
-            # no file is looked for, and none is read, but beside the shot file
-            if Path(one.name).name != one.name or len(os.fsencode(one.name)) > LONGEST_NAME_BYTES:
-                raise ValueError(f"an input called {one.name[:40]!r}, which is no name of a file")
+            require_name(one.name)  # no file is looked for, and none is read, but beside the shot file
         return found
 
     @property
