@@ -9,7 +9,17 @@ from pathlib import Path
 
 import pytest
 
-from tests.builders.processor_time import LAW, LONGEST_S, MARKERS, WAITED, Cost, apart, breach, kinds_twice, measured
+from tests.builders.processor_time import (
+    LAW,
+    LONGEST_S,
+    MARKERS,
+    WAITED,
+    Cost,
+    apart,
+    breach,
+    kinds_twice,
+    measured,
+)
 from tests.test_real_time import ROOT
 
 NONE: frozenset[str] = frozenset()
@@ -26,6 +36,13 @@ def long():
 def test_that_asks_for_much(long): ...
 
 def test_that_is_quick(): ...
+
+BEFORE = []
+
+def test_that_was_slow_once():
+    end_s = time.process_time() + (0.0 if BEFORE else {took_s})
+    BEFORE.append(end_s)
+    while time.process_time() < end_s: ...
 
 @pytest.mark.whole_way
 def test_that_says_why(long): ...
@@ -78,13 +95,13 @@ def test_a_whole_way_of_the_short_run_is_the_one_of_its_kind() -> None:
 def test_a_run_that_is_held_to_the_law_fails_for_a_test_that_takes_long(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "test_long.py").write_text(LONG.format(took_s=0.05), encoding="utf-8")
+    (tmp_path / "test_long.py").write_text(LONG.format(took_s=0.4), encoding="utf-8")
     words = ["-q", "-n", "0", "-p", "tests.conftest", "-p", "no:cacheprovider", "-o", "addopts=", "--rootdir", tmp_path]
     monkeypatch.setenv(LAW, "0.02")
     done = subprocess.run(
         [sys.executable, "-m", "pytest", *map(str, words), str(tmp_path)],
         cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert "2 passed" in done.stdout
+    assert "3 passed" in done.stdout
     assert "1 failed" in done.stdout
     assert "test_long.py::test_that_asks_for_much" in done.stdout

@@ -33,7 +33,7 @@ KEPT, A_LAW = "indispensable", "law"
 MARKERS = {
     KEPT: "takes longer than half a second and is in the short run: the one whole way of the kind it names, or a law",
     "whole_way": "runs commands or whole evaluations, beyond the first of their kind",
-    "real_time": "plays devices in real time or kills what does; has one more attempt where the machine stood still",
+    "real_time": "plays in real time or kills what does; has one more attempt where the machine stood still",
     "exhaustive": "tries a law at every place, or with many seeds",
 }
 """Marker -> what a test does that carries it. All but the first run beside the short run, by a command of their own."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import pytest
@@ -55,7 +55,7 @@ def has_blank(literal: ast.expr) -> str | None:
 
 def constants(source: str) -> dict[str, str]:
     """Return the module's constants that are such texts, and all that are patterns with one, by name."""
-    tree = ast.parse(source)
+    tree = tree_of(source)
     assigned = [node for node in ast.walk(tree) if isinstance(node, ast.Assign)]
     targets = [
         (one.targets[0], has_blank(pattern_of(one.value) or one.value))
@@ -74,6 +74,12 @@ def pattern_of(value: ast.expr) -> ast.expr | None:
     return None if of_one else pattern
 
 
+@lru_cache(maxsize=4)
+def tree_of(source: str) -> ast.Module:
+    """Return the tree of a module, which is asked for several times in a row."""
+    return ast.parse(source)
+
+
 @cache
 def constants_by_module() -> dict[str, dict[str, str]]:
     """Return those of every module of the house, by the module's dotted name."""
@@ -89,7 +95,7 @@ def dotted(module: Path) -> str:
 
 def taken(source: str) -> dict[str, str]:
     """Return the texts that a module's names stand for: its own constants, and those of ours that it imports."""
-    imports = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom)]
+    imports = [node for node in ast.walk(tree_of(source)) if isinstance(node, ast.ImportFrom)]
     others = {
         name.asname or name.name: constants_by_module()[one.module][name.name]
         for one in imports
@@ -132,7 +138,7 @@ def decisions_on_sentences(source: str) -> list[tuple[int, str]]:
     """Return line and literal of each comparison with, or search for, a part of a sentence."""
     found: list[tuple[int, str]] = []
     named = taken(source)
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(tree_of(source)):
         if isinstance(node, ast.Compare):
             sides = [node.left, *node.comparators]
             searched = [side for op, side in zip(node.ops, node.comparators, strict=True) if isinstance(op, SEARCHED)]

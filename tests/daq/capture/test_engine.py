@@ -271,6 +271,7 @@ def test_what_nobody_needs_any_more_is_dropped_but_for_one_before(device: Counti
     assert kept.spans(0.0, 1.0)["imu"].from_s == pytest.approx(11.0)
 
 
+@pytest.mark.real_time
 def test_a_shot_before_the_first_count_gets_the_first_or_that_of_now(device: Counting) -> None:
     history = history_of(device, 11.0)
     span = history.spans(9.0, 9.5)["imu"]

@@ -93,6 +93,7 @@ def numbers_in(path: Path) -> list[int]:
     return [int(row[2]) for row in rows_in(path, "bus")["data"]]
 
 
+@pytest.mark.real_time
 def test_a_crossing_while_disarmed_keeps_the_journal_and_is_told(tmp_path: Path, device: PlayedBus) -> None:
     session = started(tmp_path, device)
     session.arm()

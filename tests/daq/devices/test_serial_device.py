@@ -171,6 +171,7 @@ def test_start_and_stop_commands_are_sent(port: PseudoTerminal) -> None:
     assert heard_by_device(port, 5) == b"halt\r"
 
 
+@pytest.mark.real_time
 @needs_pty
 def test_requests_are_sent_from_read_and_a_missing_answer_is_counted(port: PseudoTerminal) -> None:
     commands = SerialCommands(poll=(Poll(b"P1?", 0.02, 0.8), Poll(b"T1?", 0.02, 0.8)))

@@ -155,6 +155,7 @@ def test_appends_of_several_threads_keep_each_sources_order(tmp_path):
     assert counters.bytes == sum(HEAD_SIZE + len(r.payload) for r in before)
 
 
+@pytest.mark.real_time
 def test_the_log_is_forced_to_the_disk_at_least_four_times_a_second(tmp_path, monkeypatch):
     forced = []
     # The disk's own time is not what this is about
@@ -563,6 +564,7 @@ def numbers_of(folder: Path) -> list[int]:
     return [r[0] for r in as_tuples(folder)]
 
 
+@pytest.mark.real_time
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="tells files apart by /proc")
 @pytest.mark.parametrize("call", ["writev", "fdatasync"])
 def test_where_the_disk_fails_the_log_goes_on_in_the_spare_folder_and_nothing_is_lost_or_doubled(
@@ -658,6 +660,7 @@ def test_a_session_longer_than_a_record_stands_in_parts(tmp_path):
     assert sum(one.kind == Kind.SESSION for one in read_folder(tmp_path / "j")) > 4
 
 
+@pytest.mark.real_time
 def test_clocks_stand_at_the_beginning_and_every_ten_seconds(tmp_path, monkeypatch):
     monkeypatch.setattr("recoil_acquisition.log.writer.CLOCK_EVERY_S", 0.1)
     with writer_in(tmp_path / "j", segment_bytes=1 << 16):
@@ -928,6 +931,7 @@ def test_a_failure_that_nobody_was_told_is_told_by_close(tmp_path, monkeypatch):
     writer.close()
 
 
+@pytest.mark.real_time
 def test_a_log_that_cannot_be_written_takes_nothing_more_of_itself_either(tmp_path, monkeypatch):
     writer = writer_in(tmp_path / "j")
     writer.append(0, 0, 0, b"x")

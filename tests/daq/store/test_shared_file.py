@@ -117,6 +117,7 @@ def test_what_is_written_late_into_the_file_that_was_replaced_is_taken_by_the_ne
     assert set_cell(log, "d", "still").row("b").exclude == ""
 
 
+@pytest.mark.real_time
 def test_a_log_that_a_program_takes_away_and_puts_back_is_waited_for(tmp_path: Path) -> None:
     log = tmp_path / SHOT_LOG
     set_cell(log, "a", "ours")
@@ -133,6 +134,7 @@ def test_a_log_that_a_program_takes_away_and_puts_back_is_waited_for(tmp_path: P
     saving.join()
 
 
+@pytest.mark.real_time
 def test_a_log_that_is_saved_without_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shared_file, "LONGEST_SAVE_S", 0.5)
     log = tmp_path / SHOT_LOG

@@ -141,6 +141,7 @@ def test_what_is_plainly_half_is_refused_by_who_reads_and_who_writes(tmp_path: P
     assert (log.read_text(encoding="utf-8") if log.exists() else None) == text
 
 
+@pytest.mark.real_time
 def test_what_is_plainly_half_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shared_file, "QUIET_S", 0.1)
     monkeypatch.setattr(shared_file, "COARSE_S", 0.0)

@@ -129,10 +129,15 @@ return found;
 
 
 @pytest.fixture(scope="module")
-def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    browser = find_browser()
-    if browser is None:
+def browser() -> str:
+    found = find_browser()
+    if found is None:
         pytest.skip("no browser of Chromium's kind on this machine: pages are not looked at")
+    return found
+
+
+@pytest.fixture(scope="module")
+def seen(browser: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     reports = tmp_path_factory.mktemp("reports")
     figures = report_figures(identified("mixed"))
     shot = write_page(reports / "0001", render_page(a_report(), figures), PAGE_NAME)
@@ -155,13 +160,19 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return visit(browser, pages, LOOK, folder=reports / "browser")
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param("screen", marks=pytest.mark.indispensable("a page in a browser")),
-        *(pytest.param(name, marks=pytest.mark.whole_way) for name in ("telephone", "alone", "campaign")),
-    ],
-)
+@pytest.mark.indispensable("a page in a browser")
+def test_the_page_of_a_shot_draws_in_a_browser(browser: str, tmp_path: Path) -> None:
+    figures = report_figures(identified("mixed"))
+    page = write_page(tmp_path / "0001", render_page(a_report(), figures), PAGE_NAME)
+    write_script(tmp_path)
+    seen = visit(browser, {"shot": (page, SCREEN_PX)}, MEASURE.replace("WAITS", "true"), folder=tmp_path / "browser")
+    assert seen["shot"]["errors"] == []
+    assert seen["shot"]["found"]["drawn"] == len(figures) - 1, "one is folded"
+    assert seen["shot"]["found"]["beyond"] <= 0
+
+
+@pytest.mark.whole_way
+@pytest.mark.parametrize("name", ["screen", "telephone", "alone", "campaign"])
 def test_a_page_draws_all_its_figures_without_an_error(seen: dict[str, Any], name: str) -> None:
     page = seen[name]
     assert page["errors"] == []
@@ -190,10 +201,7 @@ def test_on_a_telephone_a_cell_of_a_table_bears_its_heading(seen: dict[str, Any]
 
 
 @pytest.mark.whole_way
-def test_a_report_is_printed_with_each_table_on_the_sheet_of_its_heading(tmp_path: Path) -> None:
-    browser = find_browser()
-    if browser is None:
-        pytest.skip("no browser of Chromium's kind on this machine: nothing is printed")
+def test_a_report_is_printed_with_each_table_on_the_sheet_of_its_heading(browser: str, tmp_path: Path) -> None:
     report = report_document(virtual_shot("mixed").shot, identified("mixed"), version="1", shot_file=SHOT_FILE)
     page = write_page(tmp_path / "0001", render_page(report, report_figures(identified("mixed"))), PAGE_NAME)
     write_script(tmp_path)

@@ -53,7 +53,7 @@ def remarks(document: dict[str, Any]) -> list[str | None]:
     return [one["remark"] for one in document["history"]["campaigns"]]
 
 
-@pytest.mark.indispensable("history")
+@pytest.mark.whole_way
 def test_earlier_campaigns_stand_beside_the_mass_in_the_order_of_firing(season: Path, tmp_path: Path, run: Run) -> None:
     out = tmp_path / "now"
     result = run("campaign", season / "autumn", "--history", season / "past", "--out", out)

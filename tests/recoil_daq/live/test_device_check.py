@@ -32,6 +32,7 @@ def test_a_sound_rig_is_heard_at_its_rates() -> None:
     assert heard["gyro_carriage"].noise == pytest.approx(1e-3, rel=0.5)
 
 
+@pytest.mark.real_time
 def test_a_device_that_is_not_there_is_said_and_the_others_are_heard(tmp_path: Path) -> None:
     rig = load_rig("mixed")
     text = rig.text.replace('device = { virtual = "pty" }', f'device = {{ port = "{tmp_path}/none", baudrate = 9600 }}')
@@ -45,6 +46,7 @@ def test_a_device_that_is_not_there_is_said_and_the_others_are_heard(tmp_path: P
     assert all(one.verdict == "fail" and "the device is silent" in one.finding for one in silent)
 
 
+@pytest.mark.real_time
 def test_a_device_that_hangs_is_said_and_the_others_are_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rig = load_rig("mixed")
     text = rig.text.replace('device = { virtual = "pty" }', f'device = {{ port = "{tmp_path}/none", baudrate = 9600 }}')

@@ -160,7 +160,7 @@ def test_a_double_that_is_named_itself_is_identified(run, doubled: Path, tmp_pat
     assert document["set_aside"] == []
 
 
-@pytest.mark.indispensable("doubles")
+@pytest.mark.whole_way
 def test_python_is_told_what_is_set_aside(doubled: Path, tmp_path: Path) -> None:
     told: list[str] = []
     found = identify_folder(doubled, out=tmp_path, workers=1, progress=told.append)

@@ -42,7 +42,7 @@ def table_of(folder: Path, name: str, content: str) -> None:
     edited(folder, provenance=provenance | {"outputs": outputs})
 
 
-@pytest.mark.indispensable("beside")
+@pytest.mark.whole_way
 def test_a_shot_with_another_window_is_laid_beside_its_report(
     identified: Any, stored: Path, tmp_path: Path, run: Callable[..., Any]
 ) -> None:

@@ -81,6 +81,7 @@ def test_a_shot_without_a_report_has_the_verdict_of_its_file(day: Path) -> None:
     assert (row["state"], row["valid"], row["report"], row["mass_kg"]) == ("usable", None, None, None)
 
 
+@pytest.mark.whole_way
 def test_what_the_log_says_now_goes_before_what_it_said(run: Run, day: Path) -> None:
     run("log", day / "shots" / "0001.h5", "configuration=ring", "charge=2", "added_mass_kg=120", "exclude=misfire")
     (row,) = index_shots([day], out=day / "index").document["shots"]

@@ -107,6 +107,7 @@ def test_a_row_that_is_not_in_the_shot_log_is_said() -> None:
     assert "shot log of 0001: shotlog.csv: line 3 holds a zero byte" in file.getvalue()
 
 
+@pytest.mark.real_time
 def test_what_is_said_before_and_after_the_session_is_printed_at_once(clock: list[float]) -> None:
     file = io.StringIO()
     with made(file=file, force_terminal=True) as screen:
@@ -122,6 +123,7 @@ def test_what_is_said_before_and_after_the_session_is_printed_at_once(clock: lis
         assert file.getvalue().count("identify shot 0001") == 1
 
 
+@pytest.mark.real_time
 def test_what_is_suppressed_again_and_again_is_one_line_with_a_count(clock: list[float]) -> None:
     file = io.StringIO()
     with made(width=120, height=40, file=file, force_terminal=True) as screen:
@@ -136,6 +138,7 @@ def test_what_is_suppressed_again_and_again_is_one_line_with_a_count(clock: list
     assert shown == ["suppressed: within the holdoff (p_brake at 8.1 MPa), 38 times"]
 
 
+@pytest.mark.real_time
 def test_it_draws_five_times_per_second_at_most(clock: list[float]) -> None:
     file = io.StringIO()
     with made(file=file, force_terminal=True) as screen:

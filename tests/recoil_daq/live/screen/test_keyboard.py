@@ -66,6 +66,7 @@ def test_it_does_not_matter_in_which_pieces_keys_arrive(parts: list[bytes], data
     assert "".join(keyboard._keys_in(piece) for piece in pieces) == b"".join(p for p in parts if len(p) == 1).decode()
 
 
+@pytest.mark.real_time
 @posix
 def test_the_escape_key_alone_does_not_swallow_a_later_key(terminal, monkeypatch) -> None:
     with Keyboard() as keyboard:

@@ -89,6 +89,7 @@ def test_what_has_a_lower_rank_goes_first_and_what_may_be_put_off_is_begun_anew(
     ]  # fmt: skip
 
 
+@pytest.mark.real_time
 def test_what_may_not_be_put_off_is_completed_first(worker: WarmWorker, tmp_path: Path) -> None:
     pid(worker)
     log = tmp_path / "log"
@@ -114,6 +115,7 @@ def test_work_whose_process_ends_twice_is_a_worker_error_and_ends_nothing_else(w
     assert done(worker, after)
 
 
+@pytest.mark.real_time
 def test_what_waits_can_be_taken_back_and_what_is_under_way_given_up(worker: WarmWorker, tmp_path: Path) -> None:
     pid(worker)
     log = tmp_path / "log"
