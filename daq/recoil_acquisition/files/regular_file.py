@@ -86,7 +86,7 @@ def read_small(path: Path, largest_bytes: int, what: str) -> bytes:
 
 def require_name(name: str) -> None:
     """Raise ValueError where what a document calls a file is more than a name, and could lead out of its folder."""
-    if Path(name).name != name or len(os.fsencode(name)) > LONGEST_NAME_BYTES:
+    if name in ("", "..") or Path(name).name != name or len(os.fsencode(name)) > LONGEST_NAME_BYTES:
         raise ValueError(f"a file called {name[:40]!r}, which is no name of one")
 
 

@@ -199,7 +199,8 @@ def test_a_file_system_without_links_will_do(reported: Path, monkeypatch: pytest
 
 
 @pytest.mark.parametrize(
-    "way", [None, 5, ["x"], "/etc/report.html", "C:/a/report.html", r"\\host\share\a", "//host/a", "../../out/a", "a\0b"]
+    "way",
+    [None, 5, ["x"], "/etc/report.html", "C:/a/report.html", r"\\host\share\a", "//host/a", "../../out/a", "a\0b"],
 )
 def test_a_way_of_somebody_s_document_leads_nowhere_but_inside(way: object, tmp_path: Path) -> None:
     home = tmp_path / "season" / "campaign"
