@@ -22,6 +22,7 @@ from recoil_daq.reports.explanation import (
     folders_of,
 )
 from recoil_daq.reports.forms import Forms
+from recoil_daq.reports.report_folder import way_inside
 from recoil_daq.reports.reproduction.ingredient import Ingredient, digest_differences, rows_since
 from recoil_daq.reports.reproduction.kept_document import Again, KeptDocument
 from recoil_daq.reports.reproduction.kept_report import SHOTS, Kept, KeptTarget
@@ -184,10 +185,10 @@ class KeptCampaign(KeptDocument):
             (folder / shot / REPORT_FILE, wanted, "one of the inputs") for shot in self.shots for folder in folders
         )
 
-    def _reports(self, shot: str, page: str | None, folders: Sequence[Path]) -> Iterator[CampaignReport]:
+    def _reports(self, shot: str, page: object, folders: Sequence[Path]) -> Iterator[CampaignReport]:
         """Yield the reports that may be those of a shot, as far as they can be read."""
         home = self.home
-        beside = [] if page is None else [(home / page).parent]
+        beside = [found.parent for found in [way_inside(home, page, _root(home))] if found is not None]
         places = [*beside, *(folder / shot for folder in (*folders, home / "reports", home.parent / "reports"))]
         for place in dict.fromkeys(places):
             if (place / REPORT_FILE).is_file():
@@ -207,6 +208,11 @@ class KeptCampaign(KeptDocument):
             else:
                 paths = tuple(place / name for place in places)
                 yield Ingredient(one["file"], one["sha256"], paths, "not here: what it said is in the answer", since)
+
+
+def _root(home: Path) -> Path:
+    """Return the folder beyond which an answer's reports are not looked for: the third above, as of a shot file."""
+    return [home.absolute(), *home.absolute().parents][:4][-1]
 
 
 @on_one_thread

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.files.regular_file import read_small
+from recoil_acquisition.files.regular_file import read_small, require_name
 from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_acquisition.store import shot_summary
 from recoil_daq.reports.output import Output
@@ -214,6 +214,8 @@ def _vouched(path: Path, document: dict[str, Any]) -> dict[str, Any]:
     with told_in_one_line("this is no report of a shot", path):
         fault = report_fault(document)
         listed = {str(one["file"]): str(one["sha256"]) for one in document["provenance"].get("outputs", ())}
+        for name in listed:
+            require_name(name)
     if fault:
         raise ReadError(f"this report {fault}", path=path, remedy=ANEW)
     for name, sha256 in listed.items():

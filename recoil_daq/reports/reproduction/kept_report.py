@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.files.regular_file import require_name
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log_row import ShotLogRow
@@ -43,8 +43,6 @@ FINDINGS = "findings"
 """Key of a report that earlier versions did not write."""
 SHOTS = "shots"
 """Usual folder of shot files."""
-LONGEST_NAME_BYTES = 255
-"""Bytes of a file's longest name, on any usual file system."""
 
 
 class Kept(KeptDocument):
@@ -161,9 +159,7 @@ class Kept(KeptDocument):
             for one in self.document["provenance"]["inputs"]
         ]
         for one in found:
-            # no file is looked for, and none is read, but beside the shot file
-            if Path(one.name).name != one.name or len(os.fsencode(one.name)) > LONGEST_NAME_BYTES:
-                raise ValueError(f"an input called {one.name[:40]!r}, which is no name of a file")
+            require_name(one.name)  # no file is looked for, and none is read, but beside the shot file
         return found
 
     @property

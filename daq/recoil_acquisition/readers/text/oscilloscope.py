@@ -281,9 +281,10 @@ def _first_row(lines: Lines, at: int) -> int:
 
 
 def _without_empty_end(cells: list[str]) -> list[str]:
-    while len(cells) > 2 and not cells[-1]:
-        cells = cells[:-1]
-    return cells
+    end = len(cells)
+    while end > 2 and not cells[end - 1]:
+        end -= 1
+    return cells[:end]
 
 
 def _keys(lines: Lines, separator: str) -> Mapping[str, list[str]]:

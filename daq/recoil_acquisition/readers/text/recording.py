@@ -108,9 +108,10 @@ def column_recording(
     notes = (*notes, *about_text_columns([name for name, _ in headings], of_text))
     names, repeated = unique_names([headings[i][0] or f"column {i + 1}" for i in at])
     table = _Table(columns, clock, time, stamps, dict(zip(names, at, strict=True)))
+    count = block.row_count
     channels = [
         StoredChannel(
-            SignalHeader(name, headings[i][1], block.row_count),
+            SignalHeader(name, headings[i][1], count),
             table.instants,
             partial(table.columns.column, i),
             overloads=partial(table.overloads, i),
