@@ -63,7 +63,7 @@ def number(unit: str, metavar: str, text: str, shown: str | bool = True, *, leas
     Parameters
     ----------
     unit, least
-        As of `quantity`.
+        Unit and least number, as of `quantity`.
     metavar, text, shown
         Placeholder, help and default in the help.
     """

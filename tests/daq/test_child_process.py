@@ -91,6 +91,8 @@ def test_one_that_serves_answers_until_it_ends_and_a_cut_answer_is_none() -> Non
         child.kill()
         with pytest.raises(EOFError):
             child.answer()
+        while child.runs:  # its pipes close one after the other
+            time.sleep(0.01)
         with pytest.raises(BrokenPipeError):
             child.ask(b"a", b"abc")
 
