@@ -9,7 +9,7 @@ asked again.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
@@ -172,13 +172,27 @@ def joint_fit_with_changes(rows: JointRows) -> tuple[JointFit, tuple[Change, ...
         candidates = candidates_of(fit, found)
         if not candidates or candidates[0].gain < least_gain(len(candidates)):
             break
-        best = _likeliest(rows, found, _best(rows, found, candidates), candidates)
-        fit = joint_fit(rows, [*(one.column for one in found), best.column])
+        fit_with = _fits_beside(rows, found)
+        best = _likeliest(fit_with, _best(fit_with, candidates), candidates)
+        fit = fit_with(best)
         others = (one for one in candidates if (one.kind, one.influence) != (best.kind, best.influence))
         other = next(others, None)
         found.append(best)
         instead.append("" if other is None else _beside(other, best))
     return fit, tuple(_change(fit, one, other) for one, other in zip(found, instead, strict=True))
+
+
+def _fits_beside(rows: JointRows, found: Sequence[Candidate]) -> Callable[[Candidate], JointFit]:
+    """Return what fits one more change beside those that were found, each once: most of a campaign goes into it."""
+    columns = tuple(one.column for one in found)
+    fits: dict[str, JointFit] = {}
+
+    def fit_with(one: Candidate) -> JointFit:
+        if one.name not in fits:
+            fits[one.name] = joint_fit(rows, [*columns, one.column])
+        return fits[one.name]
+
+    return fit_with
 
 
 def _beside(other: Candidate, best: Candidate) -> str:
@@ -187,20 +201,19 @@ def _beside(other: Candidate, best: Candidate) -> str:
     return f"{other}, {other.gain:.1f} against {best.gain:.1f} of log likelihood{less}"
 
 
-def _best(rows: JointRows, found: Sequence[Candidate], candidates: Sequence[Candidate]) -> Candidate:
+def _best(fit_with: Callable[[Candidate], JointFit], candidates: Sequence[Candidate]) -> Candidate:
     """Choose the change that explains most; a large one is not linear, so that the few that come close are fitted."""
     contenders = [one for one in candidates if one.gain > CLOSE * candidates[0].gain][:MOST_CONTENDERS]
     levels = [one.gain for one in contenders]
     if len(contenders) > 1 and levels[0] > LARGE:
-        fits = (joint_fit(rows, [*(one.column for one in found), each.column]) for each in contenders)
-        levels = [max(trial.level for trial in fit.trials) for fit in fits]
+        levels = [max(trial.level for trial in fit_with(each).trials) for each in contenders]
     # a number that somebody wrote into the log, and then the mass, rather than a sensor that looks the same
     preferred = [(one.kind == ADDED, one.influence == MASS) for one in contenders]
     return contenders[max(range(len(contenders)), key=lambda i: (round(levels[i], TIE), *preferred[i]))]
 
 
 def _likeliest(
-    rows: JointRows, found: Sequence[Candidate], best: Candidate, candidates: Sequence[Candidate]
+    fit_with: Callable[[Candidate], JointFit], best: Candidate, candidates: Sequence[Candidate]
 ) -> Candidate:
     """Choose among what is stated, where one of these explains most, by what was stated of each as well."""
     rivals = [one for one in candidates if one.stated_u > 0.0][:MOST_RIVALS]
@@ -208,7 +221,7 @@ def _likeliest(
         return best
 
     def log_odds(one: Candidate) -> float:
-        fit = joint_fit(rows, [*(each.column for each in found), one.column])
+        fit = fit_with(one)
         level = max(trial.level for trial in fit.trials)
         freedom = WRITTEN if one.kind == ADDED else CERTIFIED
         return Suspicion(level, fit.value(one.column.name), fit.u(one.column.name), one.stated_u, freedom).log_odds
