@@ -172,7 +172,7 @@ def causes_of(
         if u_pa > 0 and force.unit == "N":  # nothing strikes it: it is off by as much throughout
             zero = of_gauge(role, regression.released)
             found.append(Cause(ErrorSource(SourceKind.ZERO, role), "N", u_pa, "B", zero, unmoved))
-        elif u_pa > 0:  # any one of the shapes may be all of it
+        elif u_pa > 0:
             found += [
                 Cause(moving_zero(role, tau_s), "Pa", u_pa, "B", of_gauge(role, move), unmoved)
                 for tau_s, move in zip(MOVES_S, moves.T, strict=True)
