@@ -68,6 +68,16 @@ def test_a_report_prints_as_its_file_does(identified: Identified) -> None:
     assert text.rstrip() == identified.result.output.rstrip()
 
 
+def test_what_is_alike_in_the_reports_of_many_shots_is_printed_once(identified: Identified) -> None:
+    told: set[str] = set()
+    first, second = (printed(identified.report, print_report, None, told) for _ in range(2))
+    assert first == printed(identified.report, print_report, None)
+    alike = ("taken as exact: ", "it is the mass that", "noise can only raise the RPE")
+    assert all(line in first and line not in second for line in alike)
+    assert "95 % interval" in second
+    assert "VALID" in second
+
+
 def test_a_calibration_that_does_not_cover_the_day_stands_beside_the_result(identified: Identified) -> None:
     text = "p_brake: calibration was due 2026-03-01, 1 day before the shot of 2026-03-02"
     finding = {"code": "calibration", "about": "p_brake", "severity": "warn", "text": text}
