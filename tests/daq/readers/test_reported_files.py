@@ -234,6 +234,20 @@ FILES: dict[str, Right | Refused] = {
         said=("1 error frame",),
         database=IMU,
     ),
+    "sna.log": Right(
+        {"IMU.Accel": Signal(ms(step=100, count=6), [0.0, 0.5, math.nan, 1.0, math.nan, 1.5])},
+        said=("2 of 6 frames hold a code that is no measurement .2046 'Neutralwert' x1, 2047 'Fehler' x1.",),
+        database="sna.dbc",
+    ),
+    "na_n2k.log": Right(
+        {"Heading.Dev": Signal(ms(step=100, count=5), [0.01, 0.02, math.nan, 0.03, 0.04], "rad")},
+        said=("1 of 5 frames hold a code that is no measurement .0x7FFD and above x1.",),
+        database="na_n2k.dbc",
+    ),
+    "c_comment_top.log": Right({"IMU.Accel": Signal(ms(step=100, count=2), [0.01, 0.02], G)}, SILENT, database=IMU),
+    "rigol_padded.csv": Right(
+        {"CH1": Signal(us(-100), sines(200, step=0.1))}, said=("^time is the row number over 1e.06 Hz",)
+    ),
     "log_len8.log": Right({"IMU.Accel": Signal([0.0, 0.1, 0.3], [0.01, 0.02, 0.03], G)}, SILENT, database=IMU),
     "mux_ext.log": Right(
         {
@@ -296,20 +310,6 @@ FILES: dict[str, Right | Refused] = {
 
 NOT_FINE_ENOUGH = "absolute time is not fine enough: the stamps agree with no constant, usual sample rate"
 OPEN: dict[str, Open] = {
-    "sna.log": Open(
-        "codes that the database's table names as no measurement are samples",
-        Right(
-            {"IMU.Accel": Signal(ms(step=100, count=6), [0.0, 0.5, 3.015, 1.0, 3.01, 1.5])}, SILENT, database="sna.dbc"
-        ),
-    ),
-    "na_n2k.log": Open(
-        "a code outside of the database's range is a sample, and nothing says so",
-        Right(
-            {"Heading.Dev": Signal(ms(step=100, count=5), [0.01, 0.02, 3.2767, 0.03, 0.04], "rad")},
-            SILENT,
-            database="na_n2k.dbc",
-        ),
-    ),
     "h5_packed_time.h5": Open(
         "`scale_factor` of the time is not applied: 1 s a sample in place of 1 ms",
         Right({"acc": Signal(ms(step=1000, count=100), sines(100, step=0.05), G)}, SILENT),
@@ -339,14 +339,6 @@ OPEN: dict[str, Open] = {
             start="2021-12-06T11:21:13",
             database=IMU,
         ),
-    ),
-    "c_comment_top.log": Open(
-        "a remark above the frames keeps the log from being recognised",
-        Refused(("no reader recognises .*a text without a table of numbers",), database=IMU),
-    ),
-    "rigol_padded.csv": Open(
-        "empty cells behind every row are counted as cells",
-        Refused(("line 3: a row does not fit the header; expected 2 cells, found 4",)),
     ),
     "dst_spring.csv": Open(
         "the jump to summer time is not named, nor its line", Refused((NOT_FINE_ENOUGH,), rig="dst_spring.toml")
