@@ -248,6 +248,10 @@ FILES: dict[str, Right | Refused] = {
     "rigol_padded.csv": Right(
         {"CH1": Signal(us(-100), sines(200, step=0.1))}, said=("^time is the row number over 1e.06 Hz",)
     ),
+    "h5_packed_time.h5": Right({"acc": Signal(ms(count=100), sines(100, step=0.05), G)}, SILENT),
+    "h5_attr_conversion_factor.h5": Refused(
+        (r"acc: integers with the attribute conversion_factor, whose meaning is open",)
+    ),
     "log_len8.log": Right({"IMU.Accel": Signal([0.0, 0.1, 0.3], [0.01, 0.02, 0.03], G)}, SILENT, database=IMU),
     "mux_ext.log": Right(
         {
@@ -310,14 +314,6 @@ FILES: dict[str, Right | Refused] = {
 
 NOT_FINE_ENOUGH = "absolute time is not fine enough: the stamps agree with no constant, usual sample rate"
 OPEN: dict[str, Open] = {
-    "h5_packed_time.h5": Open(
-        "`scale_factor` of the time is not applied: 1 s a sample in place of 1 ms",
-        Right({"acc": Signal(ms(step=1000, count=100), sines(100, step=0.05), G)}, SILENT),
-    ),
-    "h5_attr_conversion_factor.h5": Open(
-        "`conversion_factor` is neither applied nor told",
-        Right({"acc": Signal(ms(count=100), [round(1000 * one) for one in sines(100, step=0.05)], G)}, SILENT),
-    ),
     "xsens_gap.txt": Open(
         "the counter jumps by 30 behind row 50, and what follows is 0.3 s early without a word",
         Right(
