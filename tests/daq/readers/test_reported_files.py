@@ -252,6 +252,24 @@ FILES: dict[str, Right | Refused] = {
     "h5_attr_conversion_factor.h5": Refused(
         (r"acc: integers with the attribute conversion_factor, whose meaning is open",)
     ),
+    "dst_spring.csv": Refused(("line 32, time column: the clock jumps by 3600 s",), rig="dst_spring.toml"),
+    "iso_gap.csv": Right(
+        {
+            "acc": Signal(
+                [0.01 * k for k in (*range(100), *range(150, 300))],
+                [math.sin(0.1 * k) for k in (*range(100), *range(150, 300))],
+                G,
+            )
+        },
+        said=("50 rows are missing in 1 gap before line 102",),
+        rig="iso_gap.toml",
+    ),
+    "asc_busmaster.asc": Right(
+        {"IMU.Accel": Signal(ms(step=100, count=4, start=40_874_808.2), [0.01, 0.02, 0.03, 0.04], G)},
+        said=("stamps begin at the time of day .* counted from midnight",),
+        start="2021-12-06T00:00:00",
+        database=IMU,
+    ),
     "log_len8.log": Right({"IMU.Accel": Signal([0.0, 0.1, 0.3], [0.01, 0.02, 0.03], G)}, SILENT, database=IMU),
     "mux_ext.log": Right(
         {
@@ -312,7 +330,6 @@ FILES: dict[str, Right | Refused] = {
 }
 """Whether a file is read or refused, and what it then holds or why."""
 
-NOT_FINE_ENOUGH = "absolute time is not fine enough: the stamps agree with no constant, usual sample rate"
 OPEN: dict[str, Open] = {
     "xsens_gap.txt": Open(
         "the counter jumps by 30 behind row 50, and what follows is 0.3 s early without a word",
@@ -327,19 +344,6 @@ OPEN: dict[str, Open] = {
             rig="xsens_gap.toml",
         ),
     ),
-    "asc_busmaster.asc": Open(
-        "stamps are seconds of the day, and are added to a date line that has the time of day in it",
-        Right(
-            {"IMU.Accel": Signal(ms(step=100, count=4, start=40_874_808.2), [0.01, 0.02, 0.03, 0.04], G)},
-            SILENT,
-            start="2021-12-06T11:21:13",
-            database=IMU,
-        ),
-    ),
-    "dst_spring.csv": Open(
-        "the jump to summer time is not named, nor its line", Refused((NOT_FINE_ENOUGH,), rig="dst_spring.toml")
-    ),
-    "iso_gap.csv": Open("the gap is not named, nor its line", Refused((NOT_FINE_ENOUGH,), rig="iso_gap.toml")),
     "np_default.txt": Open(
         "a layout takes no blank as its separator, and nothing says what to do with such a table",
         Refused((r"layout\.separator: must be one of .*, found ' '",), rig="np_default.toml", error=RigError),
