@@ -7,9 +7,10 @@ The order is that of `RepairKind.step`, from the file back to the physics:
 
 1. drop-outs are masked: what is no measurement must enter no fit;
 2. clipping is judged while the levels are still those that the converter saw;
-3. hum is fitted and taken off: the level at rest, which the next step integrates, must be free of it;
-4. droop is inverted;
-5. a zero shift is fitted last, together with the force: it is a column of the regression.
+3. gaps that no low-pass notices are bridged, but for those that a clipped tip left;
+4. hum is fitted and taken off: the level at rest, which the next step integrates, must be free of it;
+5. droop is inverted;
+6. a zero shift is fitted last, together with the force: it is a column of the regression.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ class RepairKind(StrEnum):
     DROP_OUTS_MASKED = "drop-outs masked"
     CLIPPED_REPAIRED = "clipped repaired"
     CLIPPED_MASKED = "clipped masked"
+    LOST_BRIDGED = "lost samples bridged"
     HUM_SUBTRACTED = "hum subtracted"
     DROOP_CORRECTED = "droop corrected"
 
@@ -56,8 +58,9 @@ class RepairKind(StrEnum):
             RepairKind.DROP_OUTS_MASKED: 1,
             RepairKind.CLIPPED_REPAIRED: 2,
             RepairKind.CLIPPED_MASKED: 2,
-            RepairKind.HUM_SUBTRACTED: 3,
-            RepairKind.DROOP_CORRECTED: 4,
+            RepairKind.LOST_BRIDGED: 3,
+            RepairKind.HUM_SUBTRACTED: 4,
+            RepairKind.DROOP_CORRECTED: 5,
         }[self]
 
 

@@ -1,8 +1,9 @@
 """Repair of a channel before the equation of motion uses it, and what that leaves uncertain.
 
 What an instrument did to its own samples is mended on them: drop-outs are masked, clipped tips are rebuilt
-where the rule of `repairs.clipping` allows it, and masked where it does not. What it added to all of them is
-taken off on the grid, where the pre-trigger baseline is known: the mains' hum, and the droop of an AC-coupled chain.
+where the rule of `repairs.clipping` allows it, and masked where it does not, and gaps that no low-pass notices are
+bridged. What it added to all of them is taken off on the grid, where the pre-trigger baseline is known: the mains' hum,
+and the droop of an AC-coupled chain.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from recoil_processing.repairs.droop import invert_droop
 from recoil_processing.repairs.dropouts import find_drop_outs
 from recoil_processing.repairs.hum import subtract_hum
 from recoil_processing.repairs.repair import Repair, Repaired
+from recoil_processing.repairs.short_gaps import bridge_short_gaps
 from recoil_rigs.rig import ChannelSpec
 from recoil_rigs.shots.assemble import range_si, shown_unit
 
@@ -98,7 +100,7 @@ _MENDED: WeakKeyDictionary[Channel, tuple[ChannelSpec, str, Repaired]] = WeakKey
 
 
 def mend_samples(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
-    """Mask drop-outs, and rebuild or mask clipped samples; what was done once is remembered with the channel.
+    """Mask drop-outs, rebuild or mask clipped samples, and bridge short gaps; what was done once is remembered.
 
     Parameters
     ----------
@@ -122,12 +124,16 @@ def _mended(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
     stamps = channel.time_base.stamps_s if kind in EVENLY_STAMPED else None
     drop_outs = find_drop_outs(samples, stamps, spared=None if clipped is None else clipped.flags)
     masked, repairs = drop_outs.mask(samples)
-    mended = Repaired(samples).then(masked, *repairs)
-    if limits is None or clipped is None or not clipped.flags.any():
-        return mended
+    mended, kept = Repaired(samples).then(masked, *repairs), None
     unit, own = shown_unit(spec)
-    tips = repair_clipping(mended.samples, *limits, unit=unit, shown_in=own)
-    return mended.then(tips.samples, *tips.repairs)
+    if limits is not None and clipped is not None and clipped.flags.any():
+        tips, kept = repair_clipping(mended.samples, *limits, unit=unit, shown_in=own), clipped.flags
+        mended = mended.then(tips.samples, *tips.repairs)
+    step_s = channel.time_base.step_s
+    if step_s is None:
+        return mended
+    whole, bridges = bridge_short_gaps(mended.samples, step_s, kept=kept, unit=unit, shown_in=own)
+    return mended.then(whole, *bridges)
 
 
 _LEVELLED: WeakKeyDictionary[Channel, tuple[tuple[ChannelSpec, float, float], Array, Flags, Levelled]]
