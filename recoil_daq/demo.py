@@ -22,7 +22,7 @@ from recoil_daq.recording.ingest_folder import ingest_folder
 from recoil_daq.recording.simulate import simulate
 from recoil_daq.reports.identify import Reported, identify_file
 from recoil_daq.terminal.result import Progress
-from recoil_identification.report.document import true_mass_kg
+from recoil_identification.report.document.document import true_mass_kg
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import CampaignPlan, TwinShot, simulate_shot
 from recoil_rigs.twin.range_day import RangeDay

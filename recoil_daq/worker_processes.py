@@ -14,6 +14,7 @@ from importlib import import_module
 from types import FrameType, ModuleType
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from recoil_acquisition.child_process import BELOW_NORMAL
 from recoil_acquisition.linear_algebra import LIMITS
 
 if TYPE_CHECKING:
@@ -30,13 +31,9 @@ ENDED = 130
 _SURROUNDINGS = {
     # the matrices of a shot are small, and each core has a process of its own
     **dict.fromkeys(LIMITS, "1"),
-    # as `recoil_acquisition.child_process.own_command`: no modules from the folder that the user happens to be in
+    # as `recoil_acquisition.child_process.ChildProcess`: no modules from the folder that the user happens to be in
     "PYTHONSAFEPATH": "1",
 }
-_BELOW_NORMAL = 5
-"""Nice value of the process that works on live shots: it gives way to the acquisition, and is done before the next shot
-where other programs are busy too. What is done in it shares one queue, so that nothing in it may be lower: a verdict
-would wait behind a mass that no other program lets go on."""
 _STARTING = threading.Lock()
 _WORKING = threading.Lock()
 """Lock that is held, in a process of `WorkerProcesses`, while it is at work."""
@@ -49,7 +46,9 @@ _may_give_way = False
 class WorkerProcesses:
     """Processes of this machine, started anew: what this one has in its memory or runs as a script is not theirs.
 
-    They are tied to this process by a pipe: when that is closed, or this process is gone, they end.
+    They are tied to this process by a pipe: when that is closed, or this process is gone, they end. They are not
+    of `recoil_acquisition.child_process`: work and results are objects, which the standard library's pool carries, and
+    no module of ours unpickles.
 
     Parameters
     ----------
@@ -163,7 +162,7 @@ def _stand_beside() -> None:
     if sys.platform == "win32":
         _lower_on_windows()
     else:
-        os.nice(_BELOW_NORMAL)
+        os.nice(BELOW_NORMAL)
 
 
 def _lower_on_windows() -> None:

@@ -9,17 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.builders.processor_time import (
-    LAW,
-    LONGEST_S,
-    MARKERS,
-    WAITED,
-    Cost,
-    apart,
-    breach,
-    kinds_twice,
-    measured,
-)
+from tests.builders.processor_time import LAW, LONGEST_S, MARKERS, WAITED, Cost, apart, breach, kinds_twice, measured
 from tests.test_real_time import ROOT
 
 NONE: frozenset[str] = frozenset()

@@ -13,15 +13,12 @@ import json
 import math
 import os
 import signal
-import struct
-import subprocess
 import sys
 import tempfile
 import threading
 from pathlib import Path
-from typing import IO, cast
 
-from recoil_acquisition.child_process import apart, own_command
+from recoil_acquisition.child_process import ChildProcess
 from recoil_acquisition.errors import StoreError
 
 CPU_S, CPU_BYTES_PER_S = 20, 500_000
@@ -33,10 +30,11 @@ WALL_FACTOR = 6
 EXPANSION, SPARE_BYTES = 10, 64 << 20
 """Factor and bytes beside it that bound the content of a file, expanded, by its size."""
 
-PIECE, ENDED = b"p", b"e"
-HEAD = struct.Struct("<cq")
-"""Head of each piece of an answer: its length, and at the end how the reading ended, as `os.waitstatus_to_exitcode`
+READ, PIECE, ENDED = b"r", b"p", b"e"
+"""Kinds of messages: a request; a piece of its answer; at the end how the reading ended, as `os.waitstatus_to_exitcode`
 says."""
+
+_END_BYTES = 32
 
 
 def cpu_s(size: int) -> int:
@@ -50,29 +48,23 @@ def most_bytes(size: int) -> int:
 
 
 class ReaderProcess:
-    """The process that reads, started when it is needed."""
+    """The process that reads, started when it is needed; it stays, because its libraries take longer than a file."""
 
     def __init__(self) -> None:
-        self._process: subprocess.Popen[bytes] | None = None
-        self._of_another: subprocess.Popen[bytes] | None = None
-        self._said: IO[bytes] | None = None
+        self._process: ChildProcess | None = None
+        self._of_another: ChildProcess | None = None
         self._pid = 0
         self._lock = threading.Lock()
 
-    def start(self) -> subprocess.Popen[bytes]:
+    def start(self) -> ChildProcess:
         """Start it, unless it runs: it loads its libraries while this process does other work."""
         if self._pid != os.getpid():
             # this process is a copy of another, whose reading process it must leave alone
             self._of_another, self._process = self._process, None
-        if self._process is not None and self._process.poll() is None:
+        if self._process is not None and self._process.runs:
             return self._process
         self.stop()
-        self._said = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it is stopped
-        self._process = subprocess.Popen(  # noqa: S603 - this program itself, without a shell
-            own_command("recoil_acquisition.store.reading"),
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._said,
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"}, **apart(),
-        )  # fmt: skip
+        self._process = ChildProcess("recoil_acquisition.store.reading", errors=tempfile.TemporaryFile())  # noqa: SIM115
         self._pid = os.getpid()
         return self._process
 
@@ -95,23 +87,20 @@ class ReaderProcess:
         limit_s, most = cpu_s(size), most_bytes(size)
         with self._lock:
             process = self.start()
-            requests, answers = cast("IO[bytes]", process.stdin), cast("IO[bytes]", process.stdout)
-            timer = threading.Timer(WALL_FACTOR * limit_s, _kill, (process,))
+            timer = threading.Timer(WALL_FACTOR * limit_s, process.kill)
             timer.daemon = True
             timer.start()
             answer = bytearray()
             try:
+                request = {"path": str(path.absolute()), "what": what, "cpu_s": limit_s, "most": most}
                 with contextlib.suppress(BrokenPipeError):
-                    request = {"path": str(path.absolute()), "what": what, "cpu_s": limit_s, "most": most}
-                    requests.write(json.dumps(request).encode() + b"\n")
-                    requests.flush()
-                while len(head := answers.read(HEAD.size)) == HEAD.size:
-                    kind, number = HEAD.unpack(head)
-                    if kind == ENDED:
-                        return answer, _fault(number, limit_s)
-                    if number < 0 or len(answer) + number > most:
-                        break
-                    answer += answers.read(number)
+                    process.ask(READ, json.dumps(request).encode())
+                with contextlib.suppress(EOFError):
+                    while True:
+                        kind, content = process.answer(most + _END_BYTES - len(answer))
+                        if kind == ENDED:
+                            return answer, _fault(int(content), limit_s)
+                        answer += content
                 code = self._ended(process)
                 if timer.finished.is_set():
                     return answer, f"the HDF5 library was not done after {WALL_FACTOR * limit_s} s"
@@ -122,38 +111,21 @@ class ReaderProcess:
                 timer.cancel()
             return answer, _fault(code, limit_s)
 
-    def _ended(self, process: subprocess.Popen[bytes]) -> int:
+    def _ended(self, process: ChildProcess) -> int:
         """Return how what does not answer any more ended; StoreError if it never could begin."""
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(1.0)
-        code, said = process.poll(), []
-        if self._said is not None:
-            self._said.seek(0)
-            said = self._said.read().decode(errors="replace").strip().splitlines()
+        ended = process.ended(1.0)
         self.stop()
-        if code == 1 and said:
-            raise StoreError(f"the process that reads shot files failed: {said[-1]}", remedy="install it again")
-        return -signal.SIGTERM if code is None else code
+        if ended is None:
+            return -signal.SIGTERM
+        if ended.code == 1 and ended.said:
+            raise StoreError(f"the process that reads shot files failed: {ended.said}", remedy="install it again")
+        return ended.code
 
     def stop(self) -> None:
         """End it."""
         process, self._process = self._process, None
         if process is not None and self._pid == os.getpid():
-            _kill(process)
-            process.wait()
-            for stream in (process.stdin, process.stdout, self._said):
-                if stream is not None:
-                    with contextlib.suppress(OSError):
-                        stream.close()
-
-
-def _kill(process: subprocess.Popen[bytes]) -> None:
-    """End it and the copy that it made of itself, which is in its group."""
-    if sys.platform == "win32":
-        process.kill()
-    elif process.poll() is None:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
+            process.end()
 
 
 def _fault(code: int, limit_s: int) -> str:

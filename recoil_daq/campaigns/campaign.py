@@ -30,7 +30,8 @@ from recoil_identification.campaign.campaign_shot import alike
 from recoil_identification.campaign.changes import OUTLIER
 from recoil_identification.campaign.combination import combine, refuse_too_few
 from recoil_identification.campaign.overlay import Overlay, overlay
-from recoil_identification.report.campaign_document import (
+from recoil_identification.report.content.chosen_units import ChosenUnits
+from recoil_identification.report.document.campaign_document import (
     CAMPAIGN_FILE,
     LARGEST_ANSWER,
     SCHEMA,
@@ -39,12 +40,11 @@ from recoil_identification.report.campaign_document import (
     with_history,
     write_campaign,
 )
-from recoil_identification.report.campaign_figures import campaign_figures
-from recoil_identification.report.chosen_units import ChosenUnits
-from recoil_identification.report.history import history_figure
-from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page
-from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf
-from recoil_identification.report.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
+from recoil_identification.report.document.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
+from recoil_identification.report.figure.campaign_figures import campaign_figures
+from recoil_identification.report.page.html import CAMPAIGN_PAGE, render_campaign_page
+from recoil_identification.report.paper.paper import CAMPAIGN_PDF, campaign_pdf
+from recoil_identification.report.results.history import history_figure
 from recoil_identification.shot.identified import Options
 from recoil_rigs.rig import find_rig
 from recoil_rigs.tables.issue import Issue, read_header

@@ -13,12 +13,12 @@ from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.files.regular_file import read_small
 from recoil_acquisition.files.strict_json import read_json, told_in_one_line
 from recoil_daq.campaigns.sources import CampaignReport
-from recoil_daq.reports.report_folder import way_to_page
-from recoil_identification.report.campaign_document import CAMPAIGN_FILE, LARGEST_ANSWER, SCHEMA
-from recoil_identification.report.history import THIS, history_document, row_of, shared_kg2
-from recoil_identification.report.html import CAMPAIGN_PAGE
-from recoil_identification.report.report_files import REPORT_FILE, refuse_deep, seal_fault
-from recoil_identification.report.result_table import Row
+from recoil_daq.reports.report_folder import way_inside, way_to_page
+from recoil_identification.report.content.result_table import Row
+from recoil_identification.report.document.campaign_document import CAMPAIGN_FILE, LARGEST_ANSWER, SCHEMA
+from recoil_identification.report.document.report_files import REPORT_FILE, refuse_deep, seal_fault
+from recoil_identification.report.page.html import CAMPAIGN_PAGE
+from recoil_identification.report.results.history import THIS, history_document, row_of, shared_kg2
 
 HISTORY_FILE = "earlier campaign"
 """Source of an earlier campaign's answer among the inputs of an answer."""
@@ -32,6 +32,8 @@ class Past:
     ----------
     path
         Path of its ``campaign.json``.
+    root
+        Folder beyond which its reports are not looked for.
     sha256
         SHA-256 of that file.
     name
@@ -43,13 +45,14 @@ class Past:
     """
 
     path: Path
+    root: Path
     sha256: str
     name: str
     document: Mapping[str, Any]
     row: Row
 
     @classmethod
-    def read(cls, path: Path, name: str) -> Past:
+    def read(cls, path: Path, name: str, root: Path) -> Past:
         """Read an answer.
 
         Raises
@@ -71,7 +74,7 @@ class Past:
             shared_kg2(document, document)
             _shots(document)
             remark = f"it {fault}" if fault else None if document["valid"] else "it is not valid"
-        return cls(path, hashlib.sha256(content).hexdigest(), name, document, {**row, "remark": remark})
+        return cls(path, root, hashlib.sha256(content).hexdigest(), name, document, {**row, "remark": remark})
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,7 @@ class History:
         for path in paths:
             if os.path.realpath(path) != own:
                 name = path.parent.relative_to(folder).as_posix()
-                one = Past.read(path, folder.resolve().name if name == "." else name)
+                one = Past.read(path, folder.resolve().name if name == "." else name, folder.absolute().parent)
                 found.setdefault(one.sha256, one)  # a copy is no other campaign
         return cls(tuple(sorted(found.values(), key=lambda one: (one.row["first"] or "", one.name))))
 
@@ -131,7 +134,7 @@ class History:
             If they cannot be compared.
         """
         with told_in_one_line("these campaigns cannot be compared", self.past[0].path if self.past else home):
-            new = Past(home / CAMPAIGN_FILE, "", THIS, document, row_of(document, THIS))
+            new = Past(home / CAMPAIGN_FILE, Path(home.absolute().anchor), "", THIS, document, row_of(document, THIS))
             compared, rows = [new], [new.row]
             for one in reversed(self.past):  # of two with shots in common the newer one is taken
                 remark = one.row["remark"] or next(_apart(one, compared), None)
@@ -172,17 +175,18 @@ def _common(one: Past, other: Past) -> int:
     return count
 
 
-def _shots(document: Mapping[str, Any]) -> dict[tuple[str, str], str | None]:
+def _shots(document: Mapping[str, Any]) -> dict[tuple[str, str], object]:
     """Return the way to the page of each shot's report, by its name and instant."""
     return {(str(one["shot"]), str(one["started"] or "")): one["report"] for one in document["shots"]}
 
 
-def _recorded(one: Past, page: str | None) -> frozenset[str]:
+def _recorded(one: Past, page: object) -> frozenset[str]:
     """Return the digests of the recorded files of a shot; none where its report is not at hand."""
-    if page is None:
+    place = way_inside(one.path.parent, page, one.root)
+    if place is None:
         return frozenset()
     try:
-        report = CampaignReport.read((one.path.parent / page).parent / REPORT_FILE)
+        report = CampaignReport.read(place.parent / REPORT_FILE)
     except RecoilDaqError:
         return frozenset()
     return frozenset(file.sha256 for file in report.recorded if file.sha256)

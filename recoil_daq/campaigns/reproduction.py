@@ -22,26 +22,18 @@ from recoil_daq.reports.explanation import (
     folders_of,
 )
 from recoil_daq.reports.forms import Forms
-from recoil_daq.reports.reproduction import (
-    SHOTS,
-    Again,
-    Ingredient,
-    Kept,
-    KeptDocument,
-    KeptTarget,
-    digest_differences,
-    find_reports,
-    recompute,
-    reports_in,
-    rows_since,
-    targets_in,
-)
+from recoil_daq.reports.report_folder import way_inside
+from recoil_daq.reports.reproduction.ingredient import Ingredient, digest_differences, rows_since
+from recoil_daq.reports.reproduction.kept_document import Again, KeptDocument
+from recoil_daq.reports.reproduction.kept_report import SHOTS, Kept, KeptTarget
+from recoil_daq.reports.reproduction.places import find_reports, reports_in, targets_in
+from recoil_daq.reports.reproduction.recomputed import recompute
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
 from recoil_daq.workers import Workers
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.combination import combine
-from recoil_identification.report.campaign_document import (
+from recoil_identification.report.document.campaign_document import (
     CAMPAIGN_FILE,
     LARGEST_ANSWER,
     SCHEMA,
@@ -50,12 +42,12 @@ from recoil_identification.report.campaign_document import (
     campaign_table,
     with_history,
 )
-from recoil_identification.report.history import history_again
-from recoil_identification.report.html import CAMPAIGN_PAGE
-from recoil_identification.report.page_files import SCRIPT_NAME
-from recoil_identification.report.paper import CAMPAIGN_PDF
-from recoil_identification.report.report_files import DRAWN, REPORT_FILE
-from recoil_identification.report.reproduction import Comparison
+from recoil_identification.report.document.report_files import DRAWN, REPORT_FILE
+from recoil_identification.report.document.reproduction import Comparison
+from recoil_identification.report.page.html import CAMPAIGN_PAGE
+from recoil_identification.report.page.page_files import SCRIPT_NAME
+from recoil_identification.report.paper.paper import CAMPAIGN_PDF
+from recoil_identification.report.results.history import history_again
 from recoil_rigs.tables.issue import Issue
 
 OF_THE_RUN = frozenset({NoteCode.IDENTIFIED_ANEW, NoteCode.LOG_ROW, NoteCode.SET_ASIDE})
@@ -193,10 +185,10 @@ class KeptCampaign(KeptDocument):
             (folder / shot / REPORT_FILE, wanted, "one of the inputs") for shot in self.shots for folder in folders
         )
 
-    def _reports(self, shot: str, page: str | None, folders: Sequence[Path]) -> Iterator[CampaignReport]:
+    def _reports(self, shot: str, page: object, folders: Sequence[Path]) -> Iterator[CampaignReport]:
         """Yield the reports that may be those of a shot, as far as they can be read."""
         home = self.home
-        beside = [] if page is None else [(home / page).parent]
+        beside = [found.parent for found in [way_inside(home, page, _root(home))] if found is not None]
         places = [*beside, *(folder / shot for folder in (*folders, home / "reports", home.parent / "reports"))]
         for place in dict.fromkeys(places):
             if (place / REPORT_FILE).is_file():
@@ -216,6 +208,11 @@ class KeptCampaign(KeptDocument):
             else:
                 paths = tuple(place / name for place in places)
                 yield Ingredient(one["file"], one["sha256"], paths, "not here: what it said is in the answer", since)
+
+
+def _root(home: Path) -> Path:
+    """Return the folder beyond which an answer's reports are not looked for: the third above, as of a shot file."""
+    return [home.absolute(), *home.absolute().parents][:4][-1]
 
 
 @on_one_thread

@@ -18,7 +18,7 @@ from recoil_daq.workers import Workers
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.combination import LEAST_SHOTS, combine
 from recoil_identification.campaign.prediction import NominalShot, Plan, predicted_u_rel
-from recoil_identification.report.report_files import REPORT_FILE
+from recoil_identification.report.document.report_files import REPORT_FILE
 
 CAMPAIGN = "campaign"
 """Folder, in that of the shot files, of the reports with one cut-off."""

@@ -22,11 +22,11 @@ from recoil_acquisition.store import recorded_files
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
 from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_daq.reports.identify import find_shot_files
-from recoil_daq.reports.reproduction import reports_in
+from recoil_daq.reports.reproduction.places import reports_in
 from recoil_daq.reports.stored_shot import BESIDE, RIG_FILE
 from recoil_daq.version import __version__
 from recoil_identification.campaign.campaign_shot import CampaignShot
-from recoil_identification.report.report_files import (
+from recoil_identification.report.document.report_files import (
     LARGEST_REPORT,
     REPORT_FILE,
     SCHEMA,

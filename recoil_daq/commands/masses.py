@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from recoil_daq.workers import Workers
     from recoil_identification.calibration.methods import Method
 
-from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, WorkersOption, quantity
+from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, WorkersOption, number
 from recoil_daq.terminal.session import FAULT, NOT_VALID, OK, Session
 
 CorrectedRigOption = Annotated[
@@ -139,12 +139,7 @@ def identify(
     method: MethodOption = None,
     cutoff_hz: Annotated[
         float | None,
-        typer.Option(
-            parser=quantity("Hz", 1.0),
-            metavar="HZ",
-            help="-3 dB point of the zero-phase low-pass.",
-            show_default="from the spectra, one for all shots",
-        ),
+        number("Hz", "HZ", "-3 dB point of the zero-phase low-pass.", "from the spectra, one for all shots", least=1.0),
     ] = None,
     filter_name: Annotated[
         str,
@@ -365,12 +360,7 @@ def campaign(
     out: Annotated[Path, typer.Option(help="Folder of the answer.")] = Path("campaign"),
     cutoff_hz: Annotated[
         float | None,
-        typer.Option(
-            parser=quantity("Hz", 1.0),
-            metavar="HZ",
-            help="-3 dB point of the low-pass of all shots.",
-            show_default="that of the last time, or chosen",
-        ),
+        number("Hz", "HZ", "-3 dB point of the low-pass of all shots.", "that of the last time, or chosen", least=1.0),
     ] = None,
     rig: CorrectedRigOption = None,
     header: HeaderOption = None,

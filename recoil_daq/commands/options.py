@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -55,6 +55,19 @@ def quantity(unit: str, least: float = -math.inf, *, positive: bool = False) -> 
         return found
 
     return number
+
+
+def number(unit: str, metavar: str, text: str, shown: str | bool = True, *, least: float = -math.inf) -> Any:
+    """Declare an option that takes a number.
+
+    Parameters
+    ----------
+    unit, least
+        Unit and least number, as of `quantity`.
+    metavar, text, shown
+        Placeholder, help and default in the help.
+    """
+    return typer.Option(parser=quantity(unit, least), metavar=metavar, help=text, show_default=shown)
 
 
 def cells_of(words: list[str]) -> dict[str, str]:

@@ -14,7 +14,7 @@ from recoil_daq.commands.options import (
     RigArgument,
     WorkersOption,
     cells_of,
-    quantity,
+    number,
 )
 from recoil_daq.terminal.session import FAULT, INTERRUPTED, NOT_VALID, OK, Session
 
@@ -58,12 +58,7 @@ def ingest(
         ),
     ] = None,
     files_within_s: Annotated[
-        float,
-        typer.Option(
-            parser=quantity("s", 0.0),
-            metavar="S",
-            help="With --live: wait so long for those files after a shot, seconds.",
-        ),
+        float, number("s", "S", "With --live: wait so long for those files after a shot, seconds.", least=0.0)
     ] = 120.0,
     no_screen: Annotated[bool, typer.Option("--no-screen", help="With --live: print plain lines, for a log.")] = False,
     no_identify: Annotated[
@@ -75,11 +70,11 @@ def ingest(
     ] = False,
     at: Annotated[
         float | None,
-        typer.Option(
-            parser=quantity("s"),
-            metavar="S",
-            help="The shot is a part of the recorder's file: seconds at which it was triggered, on its clock.",
-            show_default="the rig's trigger finds it in a long file",
+        number(
+            "s",
+            "S",
+            "The shot is a part of the recorder's file: seconds at which it was triggered, on its clock.",
+            "the rig's trigger finds it in a long file",
         ),
     ] = None,
     batch: Annotated[
@@ -204,13 +199,7 @@ def recover(
     ] = None,
     keep: Annotated[bool, typer.Option("--keep", help="Keep the journal when all of it is recovered.")] = False,
     at: Annotated[
-        list[float] | None,
-        typer.Option(
-            parser=quantity("s"),
-            metavar="S",
-            help="Cut a shot at this instant, s from the journal's first record.",
-            show_default=False,
-        ),
+        list[float] | None, number("s", "S", "Cut a shot at this instant, s from the journal's first record.", False)
     ] = None,
     discard: Annotated[
         bool, typer.Option("--discard", help="Remove the journal with what is nowhere else, after listing it.")

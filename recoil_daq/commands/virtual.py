@@ -9,7 +9,7 @@ import typer
 if TYPE_CHECKING:
     from recoil_rigs.twin import CampaignPlan
 
-from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, cells_of, quantity
+from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, cells_of, number
 from recoil_daq.terminal.session import INTERRUPTED, NOT_VALID, OK, Session
 
 
@@ -38,16 +38,8 @@ def predict(
         ),
     ] = None,
     shots: Annotated[int, typer.Option(min=1, max=1000, help="How many shots.")] = 8,
-    added_mass: Annotated[
-        float | None,
-        typer.Option(
-            parser=quantity("kg"), metavar="KG", help="Every second shot carries so much more.", show_default="none"
-        ),
-    ] = None,
-    u_added_mass: Annotated[
-        float | None,
-        typer.Option(parser=quantity("kg"), metavar="KG", help="Its standard uncertainty.", show_default="0.05"),
-    ] = None,
+    added_mass: Annotated[float | None, number("kg", "KG", "Every second shot carries so much more.", "none")] = None,
+    u_added_mass: Annotated[float | None, number("kg", "KG", "Its standard uncertainty.", "0.05")] = None,
     charges: Annotated[
         str | None,
         typer.Option(metavar="FACTOR,...", help="Of the drive, shot by shot, and over again.", show_default="1"),
@@ -63,22 +55,10 @@ def predict(
         ),
     ] = None,
     friction_scatter: Annotated[
-        float | None,
-        typer.Option(
-            parser=quantity(""),
-            metavar="REL",
-            help="Relative standard deviation of the friction from shot to shot.",
-            show_default="0.015",
-        ),
+        float | None, number("", "REL", "Relative standard deviation of the friction from shot to shot.", "0.015")
     ] = None,
     repeatability: Annotated[
-        float | None,
-        typer.Option(
-            parser=quantity(""),
-            metavar="REL",
-            help="Relative standard deviation of gains from shot to shot.",
-            show_default="0.00015",
-        ),
+        float | None, number("", "REL", "Relative standard deviation of gains from shot to shot.", "0.00015")
     ] = None,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -132,21 +112,15 @@ def simulate(
     ] = None,
     added_mass: Annotated[
         float | None,
-        typer.Option(
-            parser=quantity("kg"),
-            metavar="KG",
-            help="Every second shot carries so much more: the first is bare, the second has it, and so on.",
-            show_default="none",
+        number(
+            "kg",
+            "KG",
+            "Every second shot carries so much more: the first is bare, the second has it, and so on.",
+            "none",
         ),
     ] = None,
     u_added_mass: Annotated[
-        float | None,
-        typer.Option(
-            parser=quantity("kg"),
-            metavar="KG",
-            help="Its standard uncertainty: it is truly off by one draw.",
-            show_default="0.05",
-        ),
+        float | None, number("kg", "KG", "Its standard uncertainty: it is truly off by one draw.", "0.05")
     ] = None,
     charges: Annotated[
         str | None,
@@ -159,21 +133,15 @@ def simulate(
         ),
     ] = None,
     friction_scatter: Annotated[
-        float | None,
-        typer.Option(
-            parser=quantity(""),
-            metavar="REL",
-            help="Relative standard deviation of the friction from shot to shot.",
-            show_default="0",
-        ),
+        float | None, number("", "REL", "Relative standard deviation of the friction from shot to shot.", "0")
     ] = None,
     repeatability: Annotated[
         float | None,
-        typer.Option(
-            parser=quantity(""),
-            metavar="REL",
-            help="Relative standard deviation from shot to shot of the gains of force gauges and recoil accelerometer.",
-            show_default="0",
+        number(
+            "",
+            "REL",
+            "Relative standard deviation from shot to shot of the gains of force gauges and recoil accelerometer.",
+            "0",
         ),
     ] = None,
     mass_step: Annotated[

@@ -125,17 +125,14 @@ def one_of(names: Sequence[str], *, or_none: bool = False) -> Read:
     return read
 
 
-def a_unit(quantity: str = "", others: Sequence[str] = ()) -> Read:
-    """Take a unit of a quantity, or one of other spellings."""
+def a_unit(others: Sequence[str]) -> Read:
+    """Take a unit, or one of other spellings."""
 
     def read(text: str) -> Answer:
         word = text.strip().strip("\"'")
-        unit = find_unit(word)
-        if word.casefold() in others or (unit is not None and (not quantity or quantity in unit.quantities)):
+        if word.casefold() in others or find_unit(word) is not None:
             return Answer(word)
-        known = [name for name, one in UNITS.items() if not quantity or quantity in one.quantities]
-        nearest = ", ".join(nearest_first(normalise_unit(word), known)[:5])
-        raise ValueError(f"is no unit of {quantity}: nearest: {nearest}" if quantity else f"is no unit: {nearest}")
+        raise ValueError(f"is no unit: {', '.join(nearest_first(normalise_unit(word), list(UNITS))[:5])}")
 
     return read
 

@@ -153,14 +153,14 @@ class DraftedChannels:
             yield Entry("unit", scale, f"by its scale beside {twin.of.name}, {abs(twin.gain):.4g}")
         elif (supposed := evidence.supposed.get(signal.key)) is not None and supposed.unit:
             meaning = f"unit of the file's numbers, which states none: as set in the recorder; {supposed.reason}"
-            yield Entry("unit", Question(meaning, supposed.unit, a_unit(others=PIXELS)))
+            yield Entry("unit", Question(meaning, supposed.unit, a_unit(PIXELS)))
         elif supposed is not None:
             usual = ", ".join(name for name, one in UNITS.items() if supposed.quantity in one.quantities)
             meaning = f"unit of its numbers, from the device's manual: one of {usual}"
-            yield Entry("unit", Question(meaning, read=a_unit(others=PIXELS)))
+            yield Entry("unit", Question(meaning, read=a_unit(PIXELS)))
         else:
             meaning = "unit of the file's numbers, which states none: as set in the recorder"
-            yield Entry("unit", Question(meaning, read=a_unit(others=PIXELS)))
+            yield Entry("unit", Question(meaning, read=a_unit(PIXELS)))
 
     def _role(self, signal: RecordedSignal, other: Mapping[str, Any]) -> Iterator[Entry]:
         """Yield role and polarity, with their reasons."""

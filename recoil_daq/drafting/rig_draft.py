@@ -86,12 +86,6 @@ class Table:
         """Return the value of a key; None if the table does not have it."""
         return next((one.value for one in self.entries if one.key == key), None)
 
-    def with_entries(self, *entries: Entry) -> Table:
-        """Set keys, those that are there in their place."""
-        new = {one.key: one for one in entries}
-        kept = tuple(new.pop(one.key, one) for one in self.entries)
-        return replace(self, entries=(*kept, *new.values()))
-
     def lines(self) -> Iterator[str]:
         """Yield the lines of the table and of those in it."""
         for line in self._lines():

@@ -11,18 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.files.regular_file import read_small
+from recoil_acquisition.files.regular_file import read_small, require_name
 from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_acquisition.store import shot_summary
 from recoil_daq.reports.output import Output
 from recoil_daq.reports.report_folder import publish, refuse_existing, way_to_page
-from recoil_daq.reports.reproduction import ANEW, find_reports
+from recoil_daq.reports.reproduction.places import ANEW, find_reports
 from recoil_daq.terminal.result import PagedDocument
 from recoil_daq.version import __version__
-from recoil_identification.report.beside import Laid, beside_document, beside_figures
-from recoil_identification.report.html import BESIDE_PAGE, render_results_page
-from recoil_identification.report.page_files import write_page, write_script
-from recoil_identification.report.report_files import (
+from recoil_identification.report.document.report_files import (
     LARGEST_REPORT,
     REPORT_FILE,
     SEAL,
@@ -32,6 +29,9 @@ from recoil_identification.report.report_files import (
     refuse_changed,
     seal_fault,
 )
+from recoil_identification.report.page.html import BESIDE_PAGE, render_results_page
+from recoil_identification.report.page.page_files import write_page, write_script
+from recoil_identification.report.results.beside import Laid, beside_document, beside_figures
 
 
 @dataclass(frozen=True, repr=False)
@@ -214,6 +214,8 @@ def _vouched(path: Path, document: dict[str, Any]) -> dict[str, Any]:
     with told_in_one_line("this is no report of a shot", path):
         fault = report_fault(document)
         listed = {str(one["file"]): str(one["sha256"]) for one in document["provenance"].get("outputs", ())}
+        for name in listed:
+            require_name(name)
     if fault:
         raise ReadError(f"this report {fault}", path=path, remedy=ANEW)
     for name, sha256 in listed.items():

@@ -17,11 +17,11 @@ from recoil_acquisition.files.regular_file import read_beginning
 from recoil_acquisition.shot import InputFile
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.output import Pages
-from recoil_identification.report.page_files import SCRIPT_NAME, script_sha256
-from recoil_identification.report.paper import FIGURES_FOLDER, drawings_of, figure_files
-from recoil_identification.report.report_files import SEAL
-from recoil_identification.report.reproduction import Comparison, Difference, NotCompared
-from recoil_identification.report.typeset import png_bytes
+from recoil_identification.report.document.report_files import SEAL
+from recoil_identification.report.document.reproduction import Comparison, Difference, NotCompared
+from recoil_identification.report.page.page_files import SCRIPT_NAME, script_sha256
+from recoil_identification.report.paper.paper import FIGURES_FOLDER, drawings_of, figure_files
+from recoil_identification.report.paper.typeset import png_bytes
 
 Draw = Callable[[Mapping[str, Any], Forms], Pages]
 """Function that draws a document in some forms."""

@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError, quoted
-from recoil_daq.reports.reproduction import ANEW, KeptDocument, recompute
+from recoil_daq.reports.reproduction.kept_document import KeptDocument
+from recoil_daq.reports.reproduction.places import ANEW
+from recoil_daq.reports.reproduction.recomputed import recompute
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
-from recoil_identification.report.explanation import Entry, explained
-from recoil_identification.report.report_files import computer
-from recoil_identification.report.reproduction import ELSEWHERE, Comparison, Difference
+from recoil_identification.report.document.explanation import Entry, explained
+from recoil_identification.report.document.report_files import computer
+from recoil_identification.report.document.reproduction import ELSEWHERE, Comparison, Difference
 from recoil_rigs.shots.fired_shot import FiredShot
 
 MOST_LISTED = 1000
@@ -101,7 +103,7 @@ class Explained(Printed):
 def explained_again(
     kept: KeptDocument, key: str | None, folders: Sequence[Path], progress: Progress = lambda _: None
 ) -> Explained:
-    """Explain the numbers of a document, and make it again; errors as of `recoil_daq.reports.reproduction.recompute`.
+    """Explain the numbers of a document, and make it again, with errors as of `recompute`.
 
     Parameters
     ----------

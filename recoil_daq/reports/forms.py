@@ -8,8 +8,8 @@ from importlib.metadata import version
 from typing import Any
 
 from recoil_acquisition.extras import PDF
-from recoil_identification.report.page_files import script_sha256
-from recoil_identification.report.report_files import DRAWN
+from recoil_identification.report.document.report_files import DRAWN
+from recoil_identification.report.page.page_files import script_sha256
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,9 @@ from recoil_daq.reports.report_folder import refuse_unwritable
 from recoil_daq.reports.stored_shot import StoredShot, read_stored
 from recoil_daq.terminal.result import MassResult, Progress
 from recoil_daq.version import __version__
-from recoil_identification.report.chosen_units import ChosenUnits
-from recoil_identification.report.document import report_document
-from recoil_identification.report.figures import report_figures
-from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_page
-from recoil_identification.report.page_files import SCRIPT_NAME
-from recoil_identification.report.paper import PDF_FILE, report_pdf
-from recoil_identification.report.report_files import (
+from recoil_identification.report.content.chosen_units import ChosenUnits
+from recoil_identification.report.document.document import report_document
+from recoil_identification.report.document.report_files import (
     CURVES_FILE,
     REPORT_FILE,
     TRACE_FILE,
@@ -32,6 +28,10 @@ from recoil_identification.report.report_files import (
     write_document,
     write_files,
 )
+from recoil_identification.report.figure.figures import report_figures
+from recoil_identification.report.page.html import BESIDE_PAGE, PAGE_NAME, render_page
+from recoil_identification.report.page.page_files import SCRIPT_NAME
+from recoil_identification.report.paper.paper import PDF_FILE, report_pdf
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.firing_record import curves_of
 from recoil_identification.shot.identified import Identification, Options

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.report_folder import publish, refuse_existing, refuse_unwritable
-from recoil_identification.report.figure import Figure
-from recoil_identification.report.page_files import write_page, write_script
-from recoil_identification.report.paper import earlier_figures, figure_files, write_figures
-from recoil_identification.report.typeset import refuse_without_typst
+from recoil_identification.report.figure.figure import Figure
+from recoil_identification.report.page.page_files import write_page, write_script
+from recoil_identification.report.paper.paper import earlier_figures, figure_files, write_figures
+from recoil_identification.report.paper.typeset import refuse_without_typst
 
 
 @dataclass(frozen=True)

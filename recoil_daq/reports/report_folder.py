@@ -13,12 +13,12 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Sequence
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
 from recoil_acquisition.errors import ErrorCode, StoreError
 from recoil_acquisition.files.new_file import partial_path, partials_of, sync_file, sync_folder
 from recoil_acquisition.log.segment import FolderLock, is_being_written
-from recoil_identification.report.html import PAGE_NAME
+from recoil_identification.report.page.html import PAGE_NAME
 
 _NEW, _OLD, _REPLACED = "new", "old", "replaced.json"
 
@@ -111,6 +111,24 @@ def way_to_page(home: Path, folder: Path, name: str = PAGE_NAME) -> str | None:
         return Path(os.path.relpath(folder / name, home)).as_posix()
     except ValueError:  # another drive
         return None
+
+
+def way_inside(home: Path, way: object, root: Path) -> Path | None:
+    """Return where a way leads that somebody's document states; None where it is none, or leads out of a folder.
+
+    Nothing is looked for on the disk before the way is known to be relative: a name of another computer would be asked.
+
+    Parameters
+    ----------
+    home
+        Folder of the document, from which the way goes.
+    root
+        Folder beyond which nothing is opened.
+    """
+    if not isinstance(way, str) or "\0" in way or "\\" in way or PureWindowsPath(way).anchor or way.startswith("/"):
+        return None
+    place = Path(os.path.realpath(home / way))
+    return place if place.is_relative_to(os.path.realpath(root)) else None
 
 
 def _exchange(folder: Path, hidden: Path, obsolete: set[Path]) -> None:

@@ -22,7 +22,7 @@ from recoil_daq.reports.output import Output
 from recoil_daq.reports.stored_shot import fired_in_memory
 from recoil_daq.reports.targets import find_target
 from recoil_daq.terminal.result import MassDocument
-from recoil_identification.report.report_files import (
+from recoil_identification.report.document.report_files import (
     CURVES_FILE,
     LARGEST_CURVES,
     LARGEST_TRACE,
@@ -34,11 +34,11 @@ from recoil_identification.report.report_files import (
     write_document,
     write_files,
 )
-from recoil_identification.report.spreadsheet import write_workbook
+from recoil_identification.report.document.spreadsheet import write_workbook
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
-from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
+from recoil_identification.targets.target_result import TargetResult
 from recoil_rigs.rig import Rig, load_rig
 from recoil_rigs.tables.specification import mass_decimals
 
@@ -68,7 +68,7 @@ class Result(MassDocument):
 
     texts: Mapping[str, str]
     found: Identification | None = None
-    targets: Mapping[str, Finding] = field(default_factory=lambda: MappingProxyType({}))
+    targets: Mapping[str, TargetResult] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def shot(self) -> str:

@@ -17,14 +17,15 @@ from recoil_daq.arguments import REPORTS, SHOTS, named_report, named_shot
 from recoil_daq.reports.comparison import report_fault
 from recoil_daq.reports.output import Output
 from recoil_daq.reports.report_folder import publish, way_to_page
-from recoil_daq.reports.reproduction import ANEW, reports_in
+from recoil_daq.reports.reproduction.places import ANEW, reports_in
 from recoil_daq.terminal.result import PagedDocument, Progress
 from recoil_daq.version import __version__
-from recoil_identification.report.html import INDEX_PAGE, render_results_page
-from recoil_identification.report.page_files import write_page
-from recoil_identification.report.report_files import REPORT_FILE, read_document, write_files
-from recoil_identification.report.result_table import Row
-from recoil_identification.report.shot_index import (
+from recoil_identification.report.content.result_table import Row
+from recoil_identification.report.document.report_files import REPORT_FILE, read_document, write_files
+from recoil_identification.report.document.spreadsheet import refuse_without_workbooks, write_workbook
+from recoil_identification.report.page.html import INDEX_PAGE, render_results_page
+from recoil_identification.report.page.page_files import write_page
+from recoil_identification.report.results.shot_index import (
     INDEX,
     INDEX_TABLE,
     index_document,
@@ -32,7 +33,6 @@ from recoil_identification.report.shot_index import (
     row_of_report,
     row_of_summary,
 )
-from recoil_identification.report.spreadsheet import refuse_without_workbooks, write_workbook
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -18,9 +18,9 @@ from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.terminal.result import PagedDocument, Progress
 from recoil_daq.version import __version__
-from recoil_identification.report.document import provenance_inputs
-from recoil_identification.report.html import render_results_page
-from recoil_identification.report.report_files import (
+from recoil_identification.report.content.result_table import Row
+from recoil_identification.report.document.document import provenance_inputs
+from recoil_identification.report.document.report_files import (
     LARGEST_REPORT,
     computer,
     json_bytes,
@@ -28,9 +28,9 @@ from recoil_identification.report.report_files import (
     seal_fault,
     write_files,
 )
-from recoil_identification.report.reproduction import Comparison, Difference, NotCompared
-from recoil_identification.report.result_table import Row
-from recoil_identification.report.sweep import (
+from recoil_identification.report.document.reproduction import Comparison, Difference, NotCompared
+from recoil_identification.report.page.html import render_results_page
+from recoil_identification.report.results.sweep import (
     OPTIONS,
     SCHEMA,
     SWEEP,

@@ -15,13 +15,12 @@ from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import StoredShot, read_stored
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
-from recoil_identification.report.chosen_units import ChosenUnits
-from recoil_identification.report.html import render_target_page
-from recoil_identification.report.paper import target_pdf
-from recoil_identification.report.report_files import write_files
+from recoil_identification.report.content.chosen_units import ChosenUnits
+from recoil_identification.report.document.report_files import write_files
+from recoil_identification.report.page.html import render_target_page
+from recoil_identification.report.paper.paper import target_pdf
 from recoil_identification.shot.identified import Options
 from recoil_identification.targets import target_function
-from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
 from recoil_identification.targets.target_document import (
     series_file,
@@ -29,11 +28,12 @@ from recoil_identification.targets.target_document import (
     target_document,
     write_target_document,
 )
+from recoil_identification.targets.target_result import TargetResult
 
 
 @dataclass(frozen=True)
 class TargetReported:
-    """Finding of one target, and where it was written.
+    """Result of one target, and where it was written.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ def identify_targets(
     return done
 
 
-def find_target(name: str, fired: StoredShot, case: Case) -> Finding:
+def find_target(name: str, fired: StoredShot, case: Case) -> TargetResult:
     """Identify one target of a shot, with the notes on how the shot was fired.
 
     Parameters
@@ -126,7 +126,7 @@ def find_target(name: str, fired: StoredShot, case: Case) -> Finding:
 
 
 def target_reported(
-    fired: StoredShot, found: Finding, shot_file: InputFile, options: Options, forms: Forms | None = None
+    fired: StoredShot, found: TargetResult, shot_file: InputFile, options: Options, forms: Forms | None = None
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the document of what was found of a target, and the texts of the files beside it, by name."""
     files = {} if found.series is None else {series_file(found.target): series_text(found.series)}
@@ -138,7 +138,7 @@ def target_reported(
     return document, files
 
 
-def target_pages(document: Mapping[str, Any], forms: Forms, found: Finding) -> Pages:
+def target_pages(document: Mapping[str, Any], forms: Forms, found: TargetResult) -> Pages:
     """Draw the document of what was found of a target."""
     name, drawn = found.target, ChosenUnits.of(document).figures(found.figures)
     return Pages(

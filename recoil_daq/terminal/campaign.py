@@ -11,9 +11,9 @@ from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.report import print_results
 from recoil_daq.terminal.tables import print_table, say
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
-from recoil_identification.report.campaign_tables import IN_U, agreement, constancy, unread_force
-from recoil_identification.report.history import HISTORY
-from recoil_identification.report.sentences import by_groups, specified
+from recoil_identification.report.content.campaign_tables import IN_U, agreement, constancy, unread_force
+from recoil_identification.report.content.sentences import by_groups, specified
+from recoil_identification.report.results.history import HISTORY
 from recoil_rigs.tables.calibration_day import calibrations_in_words
 from recoil_rigs.tables.specification import mass_decimals
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from recoil_acquisition.errors import visible
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import print_table, say
-from recoil_identification.report.reproduction import Difference, NotCompared
+from recoil_identification.report.document.reproduction import Difference, NotCompared
 
 if TYPE_CHECKING:
     from rich.tree import Tree

@@ -12,7 +12,7 @@ from recoil_daq.terminal.tables import fixed, print_outcome, print_table, say
 from recoil_rigs.tables.specification import mass_decimals
 
 if TYPE_CHECKING:
-    from recoil_identification.report.result_table import ResultTable
+    from recoil_identification.report.content.result_table import ResultTable
 
 
 def print_masses(reports: Sequence[Mapping[str, Any]]) -> None:
@@ -47,7 +47,7 @@ def print_targets(targets: Sequence[Mapping[str, Any]]) -> None:
     targets
         Contents of the documents of the targets.
     """
-    from recoil_identification.report.tables import quantities
+    from recoil_identification.report.content.tables import quantities
 
     if len({one["shot"] for one in targets}) < 2:
         return
@@ -97,8 +97,8 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
         Notes on methods that were printed for other shots: they are not printed again, and those printed now are
         added.
     """
-    from recoil_identification.report.sentences import by_groups
-    from recoil_identification.report.tables import logged
+    from recoil_identification.report.content.sentences import by_groups
+    from recoil_identification.report.content.tables import logged
 
     d = document
     notes = {m["name"]: m["note"] for m in d["methods"] if told is None or m["note"] not in told}
@@ -151,7 +151,7 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
 
 def _specification(document: Mapping[str, Any]) -> str:
     """Say the specification, and of what it consists where that is more than one mass."""
-    from recoil_identification.report.sentences import specified
+    from recoil_identification.report.content.sentences import specified
 
     of, whole = specified(document), f"{document['mass']['specification']:g} kg"
     return f"{whole}, {of}" if of is not None and " + " in of else whole
@@ -211,7 +211,7 @@ def print_target(document: Mapping[str, Any], folder: Path) -> None:
     folder
         Folder that holds the target's page.
     """
-    from recoil_identification.report.tables import quantities
+    from recoil_identification.report.content.tables import quantities
 
     d = document
     print_table(
@@ -250,7 +250,7 @@ def print_index(document: Mapping[str, Any]) -> None:
     document
         Document of ``index --json``.
     """
-    from recoil_identification.report.shot_index import deviates, first_reason, summary
+    from recoil_identification.report.results.shot_index import deviates, first_reason, summary
 
     rows = [
         {

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from recoil_daq import identify_folder, ingest_folder, load_rig, simulate
-from recoil_identification.report.report_files import json_bytes, sealed
+from recoil_identification.report.document.report_files import json_bytes, sealed
 from tests.builders.browsers import find_browser
 
 SHOTS, REAL, SEED = 1000, 4, 20

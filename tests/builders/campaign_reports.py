@@ -9,7 +9,7 @@ from typing import Any
 
 from recoil_daq import __version__
 from recoil_identification.campaign.campaign_shot import CampaignShot
-from recoil_identification.report.report_files import sealed
+from recoil_identification.report.document.report_files import sealed
 
 
 def write_report(folder: Path, shot: CampaignShot, **changes: Any) -> None:

@@ -2,7 +2,7 @@
 
 from html.parser import HTMLParser
 
-from recoil_identification.report.packing import unpacked
+from recoil_identification.report.page.packing import unpacked
 
 
 class PageElements(HTMLParser):

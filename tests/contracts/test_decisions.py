@@ -36,8 +36,14 @@ OTHERS_TEXTS = {
         "daq/recoil_acquisition/channel.py",
         "mask overloads",
     ): "the name of a step in a shot's history, fixed by its file",
-    ("recoil_daq/reports/reproduction.py", "shot log"): "the name of an input in a report, fixed by its schema",
-    ("identification/recoil_identification/report/campaign_figures.py", "moving range"): "the name of a control chart",
+    (
+        "recoil_daq/reports/reproduction/kept_report.py",
+        "shot log",
+    ): "the name of an input in a report, fixed by its schema",
+    (
+        "identification/recoil_identification/report/figure/campaign_figures.py",
+        "moving range",
+    ): "the name of a control chart",
 }
 """Module and literal of a text that is not ours to word, and why it is compared."""
 FORMATS = ("daq/recoil_acquisition/readers/",)

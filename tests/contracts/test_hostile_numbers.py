@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,8 @@ HOSTILE = (
 """What may stand where a number is due."""
 NUMBER = re.compile(rb"[+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?")
 HEAD_BYTES = 1500
+SEPARATORS, LONGEST_S = 50_000, 2.0
+"""Signs of each kind behind a line of a head, and the processor time that the file may take."""
 STRIDE = 7
 """Numbers from one that is replaced to the next, so that all of a head have their turn."""
 READERS = Path(__file__).parents[2] / "daq" / "recoil_acquisition" / "readers"
@@ -124,3 +127,15 @@ def test_what_digits_are_is_said_in_one_place() -> None:
     found = {path.relative_to(READERS).as_posix() for path in READERS.rglob("*.py") if testing.search(path.read_text())}
     # of bytes `isdigit` means those of ASCII, and a version is that of an installed library
     assert found == {"text/cells.py", "foreign_formats.py", "dewesoft/native.py"}
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("case", TEXTS, ids=lambda case: case.name)
+def test_a_head_of_separators_alone_takes_no_longer_than_its_size_asks_for(case: Case, tmp_path: Path) -> None:
+    whole = b"\t" * SEPARATORS + b"," * SEPARATORS + b";" * SEPARATORS
+    lines = case.content.splitlines(keepends=True)
+    for at in range(min(len(lines), 12)):
+        kept = lines[at].rstrip(b"\r\n")
+        begin = time.process_time()
+        read_whole(case, tmp_path, b"".join([*lines[:at], kept, whole, lines[at][len(kept) :], *lines[at + 1 :]]))
+        assert time.process_time() - begin < LONGEST_S, at

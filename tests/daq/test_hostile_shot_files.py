@@ -122,7 +122,7 @@ def test_the_death_of_the_reading_process_is_one_line_and_the_next_file_is_read(
     os.kill(process.pid, signal.SIGSTOP)
     os.kill(process.pid, number)
     os.kill(process.pid, signal.SIGCONT)
-    process.wait()
+    assert process.ended(60.0) is not None
     assert read_shot(sound).name == "0007"
 
 

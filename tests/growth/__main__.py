@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from recoil_identification.report.figure import Figure, Panel, Trace
-from recoil_identification.report.svg import figure_svg
+from recoil_identification.report.figure.figure import Figure, Panel, Trace
+from recoil_identification.report.figure.svg import figure_svg
 from tests.growth.measure import SERIES, Point
 from tests.proof.row import significant
 

@@ -13,6 +13,7 @@ from typer.testing import CliRunner, Result
 
 from recoil_daq.cli import app
 from recoil_rigs.twin import TwinShot, simulate_shot
+from tests.builders.processor_time import apart
 from tests.builders.shared_motions import once_in_this_run
 from tests.builders.virtual_shots import SHORTER, with_twin
 
@@ -79,9 +80,10 @@ class Identified(NamedTuple):
 
 @pytest.fixture(scope="session")
 def identified(stored: Path, tmp_path_factory: pytest.TempPathFactory) -> Identified:
-    """The field shot's report by the default options."""
+    """The field shot's report by the default options; each worker makes it once, for whoever asks."""
     out = tmp_path_factory.mktemp("identified")
-    result = CliRunner().invoke(app, ["identify", str(stored), "--out", str(out)])
+    with apart():
+        result = CliRunner().invoke(app, ["identify", str(stored), "--out", str(out)])
     assert result.exit_code == 0, result.output
     return Identified(result, out)
 

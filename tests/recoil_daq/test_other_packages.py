@@ -28,7 +28,7 @@ from recoil_daq.campaigns.sources import CampaignReport, Outdated
 from recoil_identification.shot.identified import Options
 from recoil_identification.targets import GROUP as TARGETS
 from recoil_identification.targets import target_function, target_names
-from recoil_identification.targets.finding import Finding
+from recoil_identification.targets.target_result import TargetResult
 from recoil_processing.filters import LowPass
 from recoil_processing.filters.table import GROUP as FILTERS
 from recoil_rigs.twin import TwinShot
@@ -308,12 +308,12 @@ def test_a_filter_that_nobody_announces_is_refused_with_the_names_of_all(announc
         Options(filter="third")
 
 
-def raises(_: object) -> Finding:
+def raises(_: object) -> TargetResult:
     raise KeyError("x")
 
 
-def of_another_name(_: object) -> Finding:
-    return Finding("other", "Other", "", ())
+def of_another_name(_: object) -> TargetResult:
+    return TargetResult("other", "Other", "", ())
 
 
 @pytest.mark.parametrize("name", ["raises", "of_another_name", "no_such"])

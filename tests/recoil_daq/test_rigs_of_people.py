@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from recoil_daq.campaigns.prediction import predict
-from recoil_identification.report.report_files import sealed
+from recoil_identification.report.document.report_files import sealed
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import find_rig, load_rig, parse_rig
 from recoil_rigs.twin import CampaignPlan, simulate_shot

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.cut import write_shot
 from recoil_acquisition.capture.session_record import live_record_of
-from recoil_acquisition.child_process import apart, own_command
+from recoil_acquisition.child_process import isolated
 from recoil_acquisition.errors import RecoilDaqError, StoreError
 from recoil_acquisition.log.folder import open_log
 
@@ -36,25 +35,18 @@ def cut_apart(log: Path, path: Path, acquisition: Acquisition, start_ns: int, st
         If it cannot be written; the log still has it.
     """
     try:
-        done = subprocess.run(  # noqa: S603 - this program itself, without a shell
-            own_command(__name__, str(log), str(path), str(start_ns), str(stop_ns), str(os.getpid())),
-            input=json.dumps(acquisition.to_json()).encode(),
-            capture_output=True,
-            timeout=_WITHIN_S,
-            check=False,
-            **apart(),
-        )
-    except (OSError, subprocess.TimeoutExpired) as error:
+        done = isolated(
+            __name__, str(log), str(path), str(start_ns), str(stop_ns), str(os.getpid()),
+            limit_s=_WITHIN_S, given=json.dumps(acquisition.to_json()).encode(),
+        )  # fmt: skip
+    except OSError as error:
         raise StoreError(f"the cut of the shot did not end: {error}", path=path) from error
     try:
-        answer = json.loads(done.stdout)
+        answer = json.loads(done.out)
         if "error" not in answer:
             return Acquisition.from_json(answer)
     except ValueError as error:
-        said = done.stderr.decode(errors="replace").strip().splitlines()
-        raise StoreError(
-            f"the cut of the shot failed: {said[-1] if said else f'code {done.returncode}'}", path=path
-        ) from error
+        raise StoreError(f"the cut of the shot failed: {done.why}", path=path) from error
     raise StoreError(str(answer["error"]))  # which names the file
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import datetime as dt
 import errno
+import hashlib
 import json
 import os
 import platform
@@ -144,7 +145,8 @@ class TakenLock:
                 content, holder = _look(self._mark, longest_s)
                 if holder is not None:
                     raise LockTakenError(holder)
-                _take_away(self._mark, content)
+                if content is not None:
+                    _take_away(self._mark, content, self._told, longest_s)
 
     def release(self) -> None:
         """Take away what says that it is held; the file is the caller's to close."""
@@ -203,13 +205,12 @@ def _made(mark: Path, told: bytes) -> bool:
     return True
 
 
-def _look(mark: Path, longest_s: float) -> tuple[bytes, str | None]:
-    """Return what a holder's file says, and who holds the lock; None if whoever made it has ended, or there is none."""
+def _look(mark: Path, longest_s: float) -> tuple[bytes | None, str | None]:
+    """Return what a holder's file says (None if there is none), and who holds the lock (None if that one has ended)."""
     try:
-        with mark.open("rb") as stream:
-            content, since_s = stream.read(_LARGEST_MARK), os.fstat(stream.fileno()).st_mtime
+        content, since_s = _read(mark)
     except FileNotFoundError:
-        return b"", None
+        return None, None
     said = _Mark.of(content)
     if said is not None and said.host == platform.node() and sys.platform != "win32":
         ended = not _runs(said.pid)
@@ -220,14 +221,31 @@ def _look(mark: Path, longest_s: float) -> tuple[bytes, str | None]:
     return content, None if ended else f"{who} since {since}; if that has ended, remove {mark}"
 
 
-def _take_away(mark: Path, content: bytes) -> None:
-    """Take away the file of a holder that has ended, unless another process has made a new one meanwhile."""
-    aside = mark.with_name(f"{mark.name}.{secrets.token_hex(4)}")
-    with contextlib.suppress(FileNotFoundError):  # another was faster
-        mark.rename(aside)
-        if aside.read_bytes() != content and not mark.exists():
-            aside.rename(mark)
-        aside.unlink(missing_ok=True)
+def _read(mark: Path) -> tuple[bytes, float]:
+    """Return what a holder's file says, and since when."""
+    with mark.open("rb") as stream:
+        return stream.read(_LARGEST_MARK), os.fstat(stream.fileno()).st_mtime
+
+
+def _take_away(mark: Path, content: bytes, told: bytes, longest_s: float) -> None:
+    """Take away the file of a holder that has ended.
+
+    Only one process may take away a content, and what another process made meanwhile is never touched: the right to it
+    is a holder's file too, with a name of its own for each content, and who ended before it was used leaves it to be
+    taken away likewise.
+    """
+    right = mark.with_name(f"{mark.name}.{hashlib.sha256(content).hexdigest()[:8]}")
+    if _made(right, told):
+        with contextlib.suppress(FileNotFoundError):  # another had the right before, and used it
+            if _read(mark)[0] == content:
+                mark.unlink()
+        right.unlink(missing_ok=True)
+        return
+    of_right, holder = _look(right, longest_s)
+    if holder is not None:
+        raise LockTakenError(holder)
+    if of_right is not None:
+        _take_away(right, of_right, told, longest_s)
 
 
 def _runs(pid: int) -> bool:

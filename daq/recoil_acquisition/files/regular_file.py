@@ -22,6 +22,8 @@ _KINDS = (
     (stat.S_ISBLK, "device"),
     (stat.S_ISSOCK, "socket"),
 )
+LONGEST_NAME_BYTES = 255
+"""Bytes of a file's longest name, on any usual file system."""
 _HOLES_FROM_BYTES = 1 << 26
 _LARGEST_HOLES = 64
 _LEAST_ROOM_BYTES = 1 << 16
@@ -80,6 +82,12 @@ def read_small(path: Path, largest_bytes: int, what: str) -> bytes:
     if len(content) > largest_bytes:
         raise ReadError("the file is too large", path=path, expected=f"{what} of at most {largest_bytes / 1e6:g} MB")
     return content
+
+
+def require_name(name: str) -> None:
+    """Raise ValueError where what a document calls a file is more than a name, and could lead out of its folder."""
+    if name in ("", "..") or Path(name).name != name or len(os.fsencode(name)) > LONGEST_NAME_BYTES:
+        raise ValueError(f"a file called {name[:40]!r}, which is no name of one")
 
 
 @contextmanager

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from recoil_acquisition.errors import ReadError, UnknownFormatError
 from recoil_acquisition.extras import DEWESOFT, PARQUET, TDMS, XLSX, Extra
+from recoil_acquisition.files.regular_file import check_regular
 from recoil_acquisition.others import offered, warn_of_fault
 from recoil_acquisition.readers.foreign_formats import foreign_format
 from recoil_acquisition.readers.hdf5.rehearsal import needs_rehearsal, rehearse_apart
@@ -138,9 +139,10 @@ def _refuse_layout(declared: Declarations, path: Path) -> None:
 
 
 def _opened(reader: _Loaded, name: str, path: Path, declared: Declarations) -> Recording:
-    """Open a file; what a reader did not foresee of one is an error of the file's, too."""
+    """Open what is a file, no pipe or device; what a reader did not foresee of one is an error of the file's, too."""
     from recoil_acquisition.readers.recording import map_to_corrupt_file
 
+    check_regular(path)
     with map_to_corrupt_file(path, f"a whole file of {name}"):
         return reader.open(path, declared)
 

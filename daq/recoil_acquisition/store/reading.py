@@ -9,7 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from recoil_acquisition.reader_process import ENDED, HEAD, PIECE
+from recoil_acquisition.child_process import put, take
+from recoil_acquisition.reader_process import ENDED, PIECE
 from recoil_acquisition.readers.hdf5.rehearsal import REHEARSAL, rehearse
 from recoil_acquisition.store.file_tree import write_tree
 
@@ -19,28 +20,26 @@ _PIECE_BYTES = 1 << 20
 def main() -> None:
     """Serve until nobody asks any more."""
     requests, answers = sys.stdin.buffer, sys.stdout.buffer
-    for line in requests:
-        request = json.loads(line)
+    while True:
+        try:
+            request = json.loads(take(requests)[1])
+        except EOFError:
+            return
         if sys.platform == "win32":
-            _read(request, lambda piece: _put(answers, PIECE, piece))
+            _read(request, lambda piece: put(answers, PIECE, piece))
             code = 0
         else:
             code = _in_a_copy(request, answers)
-        answers.write(HEAD.pack(ENDED, code))
+        put(answers, ENDED, str(code).encode())
         answers.flush()
 
 
-def _read(request: dict[str, Any], put: Callable[[bytes], object]) -> None:
+def _read(request: dict[str, Any], write: Callable[[bytes], object]) -> None:
     """Do what is asked for: rehearse an instrument's file, or write a shot file's tree."""
     if request["what"] == REHEARSAL:
         rehearse(Path(request["path"]))
     else:
-        write_tree(Path(request["path"]), request["what"], put)
-
-
-def _put(answers: BinaryIO, kind: bytes, piece: bytes) -> None:
-    answers.write(HEAD.pack(kind, len(piece)))
-    answers.write(piece)
+        write_tree(Path(request["path"]), request["what"], write)
 
 
 if sys.platform != "win32":
@@ -61,7 +60,7 @@ if sys.platform != "win32":
             os._exit(0)
         os.close(target)
         while piece := os.read(source, _PIECE_BYTES):
-            _put(answers, PIECE, piece)
+            put(answers, PIECE, piece)
         os.close(source)
         return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
 

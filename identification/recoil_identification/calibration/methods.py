@@ -45,7 +45,7 @@ from recoil_identification.rows.row_noise import RowNoise, correlation_of, row_n
 from recoil_identification.rows.sensor_priors import RELEASE, ZERO, certificates, parts_of_scales
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
 from recoil_identification.rows.travel_rows import ForcedTravel, TravelRows
-from recoil_identification.rows.unread_forces import unread_causes
+from recoil_identification.rows.unread_resistance import unread_causes
 from recoil_processing.filters import LowPassFilter
 from recoil_processing.shot.camera_motion import RecordedMotion
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise, EstimatorInputs

@@ -37,7 +37,7 @@ from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.campaign.mechanisms import mechanisms_of
 from recoil_identification.campaign.suspicion import CERTIFIED, WRITTEN, Suspicion
-from recoil_identification.rows.unread_forces import SHARE
+from recoil_identification.rows.unread_resistance import SHARE
 from recoil_identification.shot.shot_summary import LN_MASS
 from recoil_processing.shot.error_source import SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES

@@ -30,7 +30,7 @@ from recoil_identification.campaign.joint_rows import Column, JointRows, Scatter
 from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.solve import solve
-from recoil_identification.rows.unread_forces import FORCE as UNREAD_FORCE
+from recoil_identification.rows.unread_resistance import FORCE as UNREAD_FORCE
 from recoil_identification.shot.shot_summary import FRICTION_SHARE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 

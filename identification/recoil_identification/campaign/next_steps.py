@@ -17,7 +17,7 @@ from recoil_identification.campaign.joint_fit import JointFit, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.campaign.mechanisms import mechanisms_of
 from recoil_identification.campaign.prediction import ADDED_SHARES, NominalShot
-from recoil_identification.rows.unread_forces import FORCE
+from recoil_identification.rows.unread_resistance import FORCE
 
 MOST_STEPS = 6
 LEAST_GAIN = 0.03

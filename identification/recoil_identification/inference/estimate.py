@@ -87,10 +87,6 @@ class Estimate(ReadOnlyArrays):
         """Return by how much an unknown rises if a source's value rises by its standard uncertainty."""
         return float(self.contributions[self._place(name), self._source(source)])
 
-    def pull(self, source: str) -> float:
-        """Return how far the unknowns are off a source, in its standard uncertainties."""
-        return float(self.pulls[self._source(source)])
-
     def normalised_residual(self, source: str) -> float:
         """Return the normalised residual of a source."""
         return float(self.normalised_residuals[self._source(source)])

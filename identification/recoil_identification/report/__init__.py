@@ -1,1 +1,1 @@
-"""The report of one shot: figures as plain arrays, and the page that shows them without a network."""
+"""The report of a shot or campaign: what is drawn and what is written, and page and paper that show both alike."""

@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from recoil_identification.report import beside, campaign_tables, history, sentences, shot_index, sweep, tables
-from recoil_identification.report.section import ALL_OTHERS, Column, Section
+from recoil_identification.report.content import campaign_tables, sentences, tables
+from recoil_identification.report.content.section import ALL_OTHERS, Column, Section
+from recoil_identification.report.results import beside, history, shot_index, sweep
 
 Document = Mapping[str, Any]
 

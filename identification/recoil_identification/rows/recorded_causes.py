@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from recoil_identification.rows.breech_chain import chain_causes
 from recoil_identification.rows.causes import Cause, causes_of
-from recoil_identification.rows.unread_forces import unread_causes
+from recoil_identification.rows.unread_resistance import unread_causes
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.shots.fired_shot import FiredShot

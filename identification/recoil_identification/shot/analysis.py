@@ -50,7 +50,7 @@ from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import collect_signals
 from recoil_processing.shot.thinned import THINNED_TO_HZ, thinned
-from recoil_processing.shot.verdict.influence import set_aside
+from recoil_processing.shot.verdict.consequence import set_aside
 from recoil_rigs.shots.assumptions import assumptions_of
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.rig_tables import GAUGE_ROLES

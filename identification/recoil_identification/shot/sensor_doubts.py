@@ -16,7 +16,7 @@ from recoil_identification.calibration.mass_over_time import MassConstancy
 from recoil_identification.estimate.mass import ACCELERATION, GAUGES, MassEstimate
 from recoil_identification.rows.known_forces import is_declared
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
-from recoil_identification.rows.unread_forces import SHARE, SLIDE
+from recoil_identification.rows.unread_resistance import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import BORE_FRICTION
 

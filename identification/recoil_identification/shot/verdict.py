@@ -28,7 +28,7 @@ from recoil_processing.shot.error_source import ErrorSource
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.release import SUSTAINED
 from recoil_processing.shot.signals import Signals
-from recoil_processing.shot.verdict.influence import LEAST_INFLUENCE
+from recoil_processing.shot.verdict.consequence import LEAST_CONSEQUENCE
 from recoil_processing.shot.verdict.mass_reasons import (
     against_losses,
     against_signals,
@@ -173,12 +173,12 @@ def _against_the_method(route: Route, endogeneity: Endogeneity | None) -> Iterat
     if route.method in PLAIN:
         masses = [route.estimates[method].mass_kg for method in PLAIN]
         u_kg, apart = route.estimates[route.method].u_kg, max(masses) - min(masses)
-        if apart > LEAST_INFLUENCE * u_kg:
+        if apart > LEAST_CONSEQUENCE * u_kg:
             yield Reason(
                 ReasonCode.METHOD,
                 route.method,
                 f"the method {route.method} is biased in this shot: force on acceleration and acceleration on force "
-                f"lie {significant(apart, 2)} kg apart, {apart / u_kg:.2g} of its u (limit {LEAST_INFLUENCE:g}); "
+                f"lie {significant(apart, 2)} kg apart, {apart / u_kg:.2g} of its u (limit {LEAST_CONSEQUENCE:g}); "
                 f"{other}",
             )
 

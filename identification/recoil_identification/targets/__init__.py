@@ -1,7 +1,8 @@
 """Targets of `recoil-daq identify --target` beside the mass, by name; each room is entered when asked for.
 
-Other packages announce theirs by entry points, under the name by which it is asked for; each leads to a function from
-a `recoil_identification.targets.target.Case` to a `recoil_identification.targets.finding.Finding` of that name::
+Other packages announce theirs by entry points, under the name by which it is asked for; each leads to a function from a
+`recoil_identification.targets.target.Case` to a `recoil_identification.targets.target_result.TargetResult` of that
+name::
 
     [project.entry-points."recoil_daq.targets"]
     peak-pressure = "recoil_peaks:find"
@@ -18,8 +19,8 @@ from typing import TYPE_CHECKING
 from recoil_acquisition.others import announced, at_work, named
 
 if TYPE_CHECKING:
-    from recoil_identification.targets.finding import Finding
     from recoil_identification.targets.target import Case
+    from recoil_identification.targets.target_result import TargetResult
 
 GROUP = "recoil_daq.targets"
 """Entry points by which other packages announce their targets."""
@@ -46,7 +47,7 @@ def target_names() -> tuple[str, ...]:
     return (*TARGETS, *(name for name in others if name not in TARGETS))
 
 
-def target_function(name: str) -> Callable[[Case], Finding]:
+def target_function(name: str) -> Callable[[Case], TargetResult]:
     """Load the function of a target.
 
     Raises
@@ -58,19 +59,20 @@ def target_function(name: str) -> Callable[[Case], Finding]:
     """
     if name in TARGETS:
         module, _, function = TARGETS[name].partition(":")
-        found: Callable[[Case], Finding] = getattr(import_module(f"recoil_identification.targets.{module}"), function)
+        home = import_module(f"recoil_identification.targets.{module}")
+        found: Callable[[Case], TargetResult] = getattr(home, function)
         return found
     if name not in target_names():
         raise ValueError(f"target must be one of {', '.join(target_names())}, not {name!r}")
     others = named(GROUP, name)
 
-    def find(case: Case) -> Finding:
-        from recoil_identification.targets.finding import Finding
+    def find(case: Case) -> TargetResult:
+        from recoil_identification.targets.target_result import TargetResult
 
         with at_work(f"the target {name!r} of another package"):
-            finding = others(case)
-            if not isinstance(finding, Finding) or finding.target != name:
-                raise TypeError(f"it returns no Finding of the target {name!r}")
-        return finding
+            result = others(case)
+            if not isinstance(result, TargetResult) or result.target != name:
+                raise TypeError(f"it returns no TargetResult of the target {name!r}")
+        return result
 
     return find

@@ -1,7 +1,8 @@
 """Input of a target: one shot, its rig, the user's options.
 
-A target is a function from a `Case` to a `recoil_identification.targets.finding.Finding`. It refuses by raising an
-IdentificationError where the channels are missing altogether; a number that is doubtful is a finding with reasons.
+A target is a function from a `Case` to a `recoil_identification.targets.target_result.TargetResult`. It refuses by
+raising an IdentificationError where the channels are missing altogether; a number that is doubtful is a result with
+reasons.
 """
 
 from __future__ import annotations

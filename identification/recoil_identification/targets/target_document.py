@@ -14,11 +14,11 @@ from recoil_acquisition.remark import Remark, findings_of
 from recoil_acquisition.shot import Check, InputFile, Shot
 from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_identification.estimate.conformity import conformity_of
-from recoil_identification.report.document import outputs_of, provenance_inputs, started
-from recoil_identification.report.report_files import DRAWN, computer, json_bytes, sealed, stated, to_json
-from recoil_identification.report.traceability import channels_of, constants_of, rig_of
+from recoil_identification.report.document.document import outputs_of, provenance_inputs, started
+from recoil_identification.report.document.report_files import DRAWN, computer, json_bytes, sealed, stated, to_json
+from recoil_identification.report.document.traceability import channels_of, constants_of, rig_of
 from recoil_identification.shot.identified import Options
-from recoil_identification.targets.finding import Finding, Quantity, Series
+from recoil_identification.targets.target_result import Quantity, Series, TargetResult
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.rig_correction import Correction
 from recoil_rigs.tables.issue import NOTHING_STATED, Issue
@@ -28,7 +28,7 @@ SCHEMA = "recoil-daq/target/1"
 
 def target_document(
     shot: Shot,
-    found: Finding,
+    found: TargetResult,
     *,
     version: str,
     shot_file: InputFile,
@@ -51,7 +51,7 @@ def target_document(
     shot_file
         The shot file itself, for the provenance.
     row, beside, corrections, rig, issued, rig_text, files, drawn
-        Arguments of `recoil_identification.report.document.report_document`.
+        Arguments of `recoil_identification.report.document.document.report_document`.
     options
         Options with which the target was identified; None for the usual ones.
 

@@ -70,6 +70,9 @@ LEAST_TRAVEL_SIGMA = 20.0
 """Multiple of its noise by which a marker must move."""
 SPAN_S = 4e-3
 """Span over which velocities are taken: coarse, but free of the frame noise."""
+MOST_GAIN = 2.0
+"""Ratio of two travels, either way, from which on they are of two motions: no frame that is missing, and no jump that a
+track can be told by, makes one of the other."""
 MOST_STEPS = 10
 NEGLIGIBLE_STEP_S = 1e-8
 
@@ -193,6 +196,9 @@ def _fit(
     free = solver.likeliest(model, best[0].shift_s, best[0].drift, UNKNOWN_DRIFT)
     if isinstance(free, str):
         return free, ()
+    fit = _report(model, *best, free[0], lag, marker_sigma, int(odd.sum()), drift_allowance)
+    if not 1.0 / MOST_GAIN < fit.gain < MOST_GAIN:
+        return fit, ()
     faults = find_frame_faults(
         model,
         best[0],
@@ -202,7 +208,6 @@ def _fit(
         period_s=usual_step_s(times_s),
         drift_allowance=drift_allowance,
     )
-    fit = _report(model, *best, free[0], lag, marker_sigma, int(odd.sum()), drift_allowance)
     return fit, faults
 
 

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
-from recoil_acquisition.child_process import apart, own_command
+from recoil_acquisition.child_process import ChildProcess
 from recoil_acquisition.errors import ReadError, WorkerError
 from recoil_acquisition.files.new_file import remove_partials
 from recoil_daq.recording.conversion import ConversionTask
 from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_rigs.rig import Rig, rig_text
 
-_BELOW_NORMAL = 5
-"""Nice value of the command: it gives way to the acquisition, and is done before the next shot where other programs
-are busy too."""
 _CONVERT = "recoil_daq.recording.conversion:convert"
 
 
@@ -142,40 +136,20 @@ class _Command:
             *(["--replaces", task.replaces] if task.replaces else []), *(["--overwrite"] if task.overwrite else []),
             "--", str(task.rig), *map(str, task.files),
         ]  # fmt: skip
-        # files, not pipes: nobody has to read along while it runs
-        self._out: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it is read
-        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it is read
         # apart: Ctrl-C ends the acquisition in order, and lets the last shot be converted
-        self._process = subprocess.Popen(  # noqa: S603 - this program itself, without a shell
-            own_command("recoil_daq.cli", *arguments), stdin=subprocess.DEVNULL, stdout=self._out,
-            stderr=self._errors, **apart(below_normal=True),
-        )  # fmt: skip
-        if os.name != "nt":
-            os.setpriority(os.PRIO_PROCESS, self._process.pid, _BELOW_NORMAL)
+        self._process = ChildProcess("recoil_daq.cli", *arguments, below_normal=True)
 
     def result(self, timeout_s: float | None) -> tuple[int, dict[str, Any]] | None:
         """Return its exit code and document, or None if it is not done in time."""
-        try:
-            code = self._process.wait(timeout_s)
-        except subprocess.TimeoutExpired:
+        ended = self._process.ended(timeout_s)
+        if ended is None:
             return None
-        out, errors = self._text(self._out), self._text(self._errors)
         try:
-            document = json.loads(out)
+            document = json.loads(ended.out)
         except ValueError:
-            said = errors.strip().splitlines()
-            document = {"message": said[-1] if said else f"the conversion ended with code {code}"}
-        return code, document if isinstance(document, dict) else {"message": str(document)}
+            document = {"message": ended.said or f"the conversion ended with code {ended.code}"}
+        return ended.code, document if isinstance(document, dict) else {"message": str(document)}
 
     def end(self) -> None:
         """End it at once."""
-        self._process.kill()
-        self._process.wait()
-        self._out.close()
-        self._errors.close()
-
-    @staticmethod
-    def _text(stream: IO[bytes]) -> str:
-        with stream:
-            stream.seek(0)
-            return stream.read().decode(errors="replace")
+        self._process.end()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any
 
 from recoil_acquisition.capture.live_session import CapturedShot, LiveSession
@@ -32,6 +32,8 @@ _TO_CONVERT = (ShotState.WAITING, ShotState.NOT_WHOLE, ShotState.FAILED, ShotSta
 """States in which a shot may be converted; in all but the first only where it is to be done anew."""
 
 
+NOTED_WITHIN_S = 1.0
+"""Time within which the shot log is usually written; what takes longer is said."""
 RETRY_CUT_S = 10.0
 """Time after which a shot that could not be cut is cut again, s: somebody may have made room on the disk."""
 
@@ -290,7 +292,11 @@ class ShotWork:
         return self._journal_keeps()
 
     def close(self) -> None:
-        """Cut no more, and give up every shot that is not complete."""
+        """Cut no more, give up every shot that is not complete, and wait for what is still to be in the shot log."""
         self._pool.shutdown(wait=False, cancel_futures=True)
-        self._notes.shutdown(wait=False)
         self.leave_the_rest()
+        if waiting := wait(self._noting.values(), NOTED_WITHIN_S).not_done:
+            late = ", ".join(name for name, future in self._noting.items() if future in waiting)
+            self._display.notice(f"the shot log is in use: it is waited for, for the added mass of {late}")
+        self._notes.shutdown()
+        self._take_notes()

@@ -10,8 +10,6 @@ from recoil_acquisition.typed_quantity import number_and_unit
 
 OUTPUTS = ("voltage", "charge", "current", "voltage_ratio")
 """Quantities that a sensor gives out. A voltage ratio is a bridge's output per volt of its supply."""
-BARE_UNITS = ("pC", "mV", "V")
-"""Units of a sensitivity that is a bare number, per SI unit of what is measured."""
 
 _EXAMPLE = 'a number and its unit as on the certificate, such as "40 mV/MPa"'
 
@@ -69,7 +67,7 @@ AMPLIFIERS = {"charge": "V per pC", "current": "V per mA", "voltage_ratio": "V p
 
 
 def bare_sensitivity(value: float, output: str, si_unit: str) -> Sensitivity:
-    """Return the sensitivity that a bare number with one of `BARE_UNITS` states, per SI unit of the quantity."""
+    """Return the sensitivity that a bare number of pC, mV or V states, per SI unit of the quantity."""
     return Sensitivity(value, UNITS[output], UNITS[si_unit], output, si_unit)
 
 

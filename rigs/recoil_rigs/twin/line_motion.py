@@ -73,11 +73,6 @@ class LineMotion(ReadOnlyArrays):
     t_fire_s: float
     t_end_s: float
 
-    @property
-    def largest_resistance_n(self) -> float:
-        """Largest size of brake, buffer and packing together, N."""
-        return float(np.abs(self.resisting_n + self.friction_n).max())
-
     def moves(self, at_s: Array) -> NDArray[np.bool_]:
         """Return at which instants the body moves, shape (n,)."""
         speed = np.abs(self.speed_m_s)

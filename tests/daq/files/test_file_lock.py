@@ -49,6 +49,13 @@ def left(lock: Path, host: str, pid: int) -> Path:
     return mark
 
 
+def aged(mark: Path) -> Path:
+    """Have a holder's file be older than any command takes."""
+    then = time.time() - 2 * file_lock.LONGEST_COMMAND_S
+    os.utime(mark, (then, then))
+    return mark
+
+
 def test_one_at_a_time_holds_a_lock_and_its_holder_is_named(tmp_path: Path) -> None:
     lock = tmp_path / "lock"
     with FileLock(lock, 0.0), pytest.raises(TimeoutError, match=f"process {os.getpid()} of .*remove .*lock.held"):
@@ -97,26 +104,82 @@ def test_a_damaged_holders_file_is_known_by_its_age(tmp_path: Path, content: byt
     mark.write_bytes(content)
     with pytest.raises(TimeoutError, match="a process since"):
         FileLock(tmp_path / "lock", 0.0)
-    then = time.time() - 2 * file_lock.LONGEST_COMMAND_S
-    os.utime(mark, (then, then))
+    aged(mark)
     with FileLock(tmp_path / "lock", 0.0):
         pass
 
 
-def test_of_many_who_find_what_was_left_one_holds_it(tmp_path: Path) -> None:
-    mark = left(tmp_path / "lock", "elsewhere", 1)
-    then = time.time() - 2 * file_lock.LONGEST_COMMAND_S
-    os.utime(mark, (then, then))
-    held = []
+def test_of_many_who_find_what_was_left_one_holds_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lock = tmp_path / "lock"
+    before = sys.getswitchinterval()
+    monkeypatch.setattr(file_lock, "LOOK_EVERY_S", 0.001)
 
-    def hold(_: int) -> None:
-        with FileLock(tmp_path / "lock", 20.0):
+    def hold(held: list[int]) -> None:
+        with FileLock(lock, 20.0):
             held.append(1)
             assert len(held) == 1
             held.pop()
 
-    with ThreadPoolExecutor(8) as pool:
-        list(pool.map(hold, range(16)))
+    sys.setswitchinterval(1e-5)
+    try:
+        for _ in range(10):
+            aged(left(lock, "elsewhere", 1))
+            with ThreadPoolExecutor(8) as pool:
+                list(pool.map(hold, [[]] * 16))
+            assert list(tmp_path.iterdir()) == [lock]
+    finally:
+        sys.setswitchinterval(before)
+
+
+def test_who_was_slow_to_take_away_what_was_left_touches_nothing_of_a_new_holder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lock = tmp_path / "lock"
+    aged(left(lock, "elsewhere", 1))
+    look = file_lock._look
+
+    def look_slowly(mark: Path, longest_s: float) -> tuple[bytes | None, str | None]:
+        found = look(mark, longest_s)
+        monkeypatch.setattr(file_lock, "_look", look)
+        held.append(FileLock(lock, 0.0))
+        return found
+
+    held: list[FileLock] = []
+    monkeypatch.setattr(file_lock, "_look", look_slowly)
+    with pytest.raises(TimeoutError):
+        FileLock(lock, 0.0)
+    with held[0], pytest.raises(TimeoutError):
+        FileLock(lock, 0.0)
+    assert list(tmp_path.iterdir()) == [lock]
+
+
+def test_a_right_to_take_away_that_was_left_keeps_nobody_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lock = tmp_path / "lock"
+    mark = aged(left(lock, "elsewhere", 1))
+
+    def die(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "unlink", die)
+        with pytest.raises(KeyboardInterrupt):
+            FileLock(lock, 0.0)
+    (right,) = set(tmp_path.iterdir()) - {lock, mark}
+    with pytest.raises(TimeoutError, match=right.name):
+        FileLock(lock, 0.0)
+    aged(right)
+    right.write_text(json.dumps({"host": platform.node(), "pid": ended_pid(), "token": "theirs"}))
+    with FileLock(lock, 1.0):
+        pass
+    assert list(tmp_path.iterdir()) == [lock]
+
+
+def test_a_holders_file_that_is_too_long_is_taken_away_by_its_age(tmp_path: Path) -> None:
+    mark = left(tmp_path / "lock", "elsewhere", 1)
+    mark.write_bytes(b" " * 5000)
+    aged(mark)
+    with FileLock(tmp_path / "lock", 1.0):
+        pass
 
 
 def test_a_journal_is_written_by_one_session_and_by_none_that_is_not_there(tmp_path: Path) -> None:

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import ReadError, StoreError
-from recoil_acquisition.files.regular_file import open_regular, read_small
-from recoil_acquisition.readers.table import recognise
+from recoil_acquisition.files.regular_file import open_regular, read_small, require_name
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import BY_LAYOUT, READERS, recognise
 from recoil_acquisition.store import is_shot_file, read_shot
 from recoil_daq.recording.ingest import reader_of
 from recoil_rigs.rig import load_rig
@@ -46,6 +47,13 @@ def test_what_is_no_file_is_refused_wherever_it_is_named(special: tuple[str, Pat
     assert not is_shot_file(path)
 
 
+def test_no_reader_waits_for_what_is_no_file(special: tuple[str, Path]) -> None:
+    kind, path = special
+    for reader in (*READERS, *BY_LAYOUT.values()):
+        with pytest.raises(ReadError, match=f"this is a {kind}|extra"):
+            reader.open(path, Declarations("clock"))
+
+
 @posix
 def test_a_link_to_a_file_is_a_file(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"abc")
@@ -76,3 +84,10 @@ def test_a_sparse_file_of_any_size_is_refused_by_its_beginning(tmp_path: Path) -
     os.truncate(tmp_path / "rig.toml", 1 << 36)
     with pytest.raises(ReadError, match="most of the file was never written"):
         load_rig(tmp_path / "rig.toml")
+
+
+@pytest.mark.parametrize("name", ["../a.csv", "/etc/passwd", "a/b.csv", "..", "", "n" * 300])
+def test_what_a_document_calls_a_file_is_a_name_alone(name: str) -> None:
+    require_name("12:30 a.csv")
+    with pytest.raises(ValueError, match="which is no name of one"):
+        require_name(name)

@@ -24,8 +24,8 @@ from recoil_identification.campaign.campaign import Learnt
 from recoil_identification.campaign.campaign_shot import CampaignShot, in_order
 from recoil_identification.campaign.combination import combine, contradictions
 from recoil_identification.campaign.influence import Influence, source_of
-from recoil_identification.report import campaign_tables
-from recoil_identification.report.campaign_document import campaign_document, campaign_table
+from recoil_identification.report.content import campaign_tables
+from recoil_identification.report.document.campaign_document import campaign_document, campaign_table
 from recoil_identification.shot.shot_summary import ShotSummary
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.tables.specification import Specification

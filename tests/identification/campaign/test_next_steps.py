@@ -16,7 +16,7 @@ from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.campaign.mechanisms import mechanisms_of
 from recoil_identification.campaign.next_steps import next_steps
 from recoil_identification.campaign.prediction import ADDED_SHARES
-from recoil_identification.report.campaign_document import campaign_document
+from recoil_identification.report.document.campaign_document import campaign_document
 from tests.builders.campaign_summaries import MASS_KG, campaign_of
 
 

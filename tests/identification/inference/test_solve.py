@@ -120,7 +120,7 @@ def test_the_square_of_a_normalised_residual_is_what_the_misfit_falls_by_without
         fall = found.misfit - solve(UNKNOWNS, blocks, others).misfit
         assert found.normalised_residual(source) ** 2 == pytest.approx(fall, rel=1e-6, abs=1e-8)
     off = found.value("c") - alone.values[0]
-    assert found.pull("r") == pytest.approx(off / np.sqrt(alone.covariance[0, 0]))
+    assert found.pulls[found.sources.index("r")] == pytest.approx(off / np.sqrt(alone.covariance[0, 0]))
     assert np.sign(found.normalised_residual("r")) == np.sign(off)
 
 
@@ -181,7 +181,7 @@ def test_a_source_that_nothing_else_says_anything_about_has_no_normalised_residu
     found = solve([Unknown("a")], [], [Prior.of("only", "a", 2.0, 3.0)])
     assert (found.value("a"), found.u("a")) == (3.0, 2.0)
     assert found.normalised_residual("only") == 0.0
-    assert found.pull("only") == 0.0
+    assert found.pulls[found.sources.index("only")] == 0.0
 
 
 @dataclass(frozen=True)

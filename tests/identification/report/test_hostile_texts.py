@@ -17,22 +17,22 @@ from pypdf import PdfReader
 
 from recoil_acquisition.shot import InputFile
 from recoil_identification.campaign.combination import combine
-from recoil_identification.report.beside import Laid, beside_document
-from recoil_identification.report.campaign_document import campaign_document, campaign_table
-from recoil_identification.report.document import report_document
-from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
-from recoil_identification.report.html import (
+from recoil_identification.report.document.campaign_document import campaign_document, campaign_table
+from recoil_identification.report.document.document import report_document
+from recoil_identification.report.document.spreadsheet import write_workbook
+from recoil_identification.report.figure.figure import Figure, HorizontalLine, Panel, Span, Trace
+from recoil_identification.report.page.html import (
     render_campaign_page,
     render_page,
     render_results_page,
     render_target_page,
 )
-from recoil_identification.report.paper import campaign_pdf, report_pdf, target_pdf
-from recoil_identification.report.shot_index import INDEX, index_document, row_of_report
-from recoil_identification.report.spreadsheet import write_workbook
-from recoil_identification.report.sweep import SWEEP, found_row, sweep_document
-from recoil_identification.targets.finding import Finding, Quantity, Table
+from recoil_identification.report.paper.paper import campaign_pdf, report_pdf, target_pdf
+from recoil_identification.report.results.beside import Laid, beside_document
+from recoil_identification.report.results.shot_index import INDEX, index_document, row_of_report
+from recoil_identification.report.results.sweep import SWEEP, found_row, sweep_document
 from recoil_identification.targets.target_document import target_document
+from recoil_identification.targets.target_result import Quantity, Table, TargetResult
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -72,7 +72,7 @@ def of_shot() -> dict[str, Any]:
 def of_target() -> dict[str, Any]:
     quantity = Quantity("stiffness", "k", 3.25e7, 4.0e5, "N/m", "load on deflection")
     table = Table("Supports", "What each tells.", ("support", "rows"), (("ground", "38"),))
-    found = Finding("stiffness", "Stiffness", "By inverse dynamics.", (quantity,), tables=(table,))
+    found = TargetResult("stiffness", "Stiffness", "By inverse dynamics.", (quantity,), tables=(table,))
     shot_file = InputFile("s1.h5", "ab" * 32, 123, "", "shot file")
     return target_document(virtual_shot("mixed").shot, found, version="1", shot_file=shot_file)
 

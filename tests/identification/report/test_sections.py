@@ -9,13 +9,13 @@ import pytest
 from pypdf import PdfReader
 
 from recoil_identification.report import sections
-from recoil_identification.report.figure import Figure, Panel, Trace
-from recoil_identification.report.html import render_page
-from recoil_identification.report.paper import report_pdf
-from recoil_identification.report.report_files import to_json
-from recoil_identification.report.section import ALL_OTHERS, Column, Section, parts_of
+from recoil_identification.report.content.section import ALL_OTHERS, Column, Section, parts_of
+from recoil_identification.report.document.report_files import to_json
+from recoil_identification.report.figure.figure import Figure, Panel, Trace
+from recoil_identification.report.page.html import render_page
+from recoil_identification.report.paper.paper import report_pdf
 from tests.builders.page_elements import PageElements
-from tests.identification.report.test_report_html import a_report
+from tests.identification.report.page.test_report_html import a_report
 from tests.test_contributing import recipe
 
 FIGURE = Figure("a", "A", "Caption.", "x, s", (Panel("y, m", (Trace("t", [0.0, 1.0], [0.0, 1.0], "filtered"),)),))

@@ -26,7 +26,7 @@ from recoil_identification.rows.causes import (
 )
 from recoil_identification.rows.late_readings import GAS, late_readings
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE, ZERO
-from recoil_identification.rows.unread_forces import FORCE, SHARE, SLIDE, force_shapes, shape_of_force
+from recoil_identification.rows.unread_resistance import FORCE, SHARE, SLIDE, force_shapes, shape_of_force
 from recoil_identification.shot.identified import Identification
 from recoil_identification.shot.preparation import Prepared, prepare
 from recoil_processing.filters import LowPass

@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.rows.unread_forces import SHARE, SLIDE
+from recoil_identification.rows.unread_resistance import SHARE, SLIDE
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.error_source import ErrorSource, SourceKind

@@ -12,7 +12,7 @@ import pytest
 from recoil_identification.estimate.mass import ACCELERATION, GAUGES
 from recoil_identification.rows.causes import delay_of_gauge
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
-from recoil_identification.rows.unread_forces import SHARE
+from recoil_identification.rows.unread_resistance import SHARE
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_identification.shot.sensor_doubts import doubted_sensors, doubted_sensors_or_mass, nearly_doubted

@@ -16,7 +16,7 @@ from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows.sensor_priors import part_of_scale
-from recoil_identification.rows.unread_forces import force_shapes
+from recoil_identification.rows.unread_resistance import force_shapes
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.shot_summary import STEPS_AT, sensors_of, shot_summary

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.shot import InputFile
-from recoil_identification.report.formulas import formula_of
-from recoil_identification.report.html import render_target_page
-from recoil_identification.report.tables import quantities, tolerances
-from recoil_identification.targets.finding import Finding, Quantity
+from recoil_identification.report.content.tables import quantities, tolerances
+from recoil_identification.report.document.formulas import formula_of
+from recoil_identification.report.page.html import render_target_page
 from recoil_identification.targets.target_document import target_document
+from recoil_identification.targets.target_result import Quantity, TargetResult
 from recoil_rigs.tables.issue import Issue
 from tests.builders.virtual_shots import virtual_shot
 
@@ -24,7 +24,7 @@ STIFFNESS = Quantity("stiffness of the ground", "k", 3.25e7, 4.0e5, "N/m", "load
 def document(*found: Quantity, tolerance: tuple[float, float] | None = (-4.0, 4.0)) -> dict[str, Any]:
     virtual = virtual_shot("mixed")
     rig = virtual.rig.with_added_mass(0.0, 0.4)
-    finding = Finding("parameters", "Masses", "By all equations.", found)
+    finding = TargetResult("parameters", "Masses", "By all equations.", found)
     return target_document(
         virtual.shot, finding, version="1", shot_file=SHOT_FILE, rig=rig, issued=Issue(tolerance_kg=tolerance)
     )

@@ -12,17 +12,17 @@ import pytest
 
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import InputFile
-from recoil_identification.report.figure import Figure, Panel, Trace
-from recoil_identification.report.html import render_target_page
+from recoil_identification.report.figure.figure import Figure, Panel, Trace
+from recoil_identification.report.page.html import render_target_page
 from recoil_identification.targets import TARGETS, target_function
-from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.target import Case
 from recoil_identification.targets.target_document import SCHEMA, series_text, target_document, write_target_document
+from recoil_identification.targets.target_result import Quantity, Series, Table, TargetResult
 from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.shots import make_shot
 
 
-def a_finding(**changes: object) -> Finding:
+def a_finding(**changes: object) -> TargetResult:
     values: dict[str, object] = {
         "target": "stiffness",
         "title": "Stiffness of the elevating gear",
@@ -37,10 +37,10 @@ def a_finding(**changes: object) -> Finding:
         "series": Series({"time_s": np.array([0.0, 0.5]), "k_n_m": np.array([1.5, math.nan])}),
         "tables": (Table("Loads", "What was taken.", ("load", "N"), (("ground <C>", "3"),)),),
     }
-    return Finding(**(values | changes))  # type: ignore[arg-type]  # a builder takes any field
+    return TargetResult(**(values | changes))  # type: ignore[arg-type]  # a builder takes any field
 
 
-def a_document(found: Finding) -> dict[str, Any]:
+def a_document(found: TargetResult) -> dict[str, Any]:
     return target_document(make_shot(), found, version="1.2", shot_file=InputFile("0001.h5", "ab", 3, "", "shot file"))
 
 

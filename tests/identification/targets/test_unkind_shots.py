@@ -7,8 +7,8 @@ from functools import cache
 import pytest
 
 from recoil_identification.targets import target_function
-from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
+from recoil_identification.targets.target_result import TargetResult
 from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
@@ -23,7 +23,7 @@ def case(seed: int) -> tuple[VirtualShot, Case]:
 
 
 @cache
-def found(target: str, seed: int) -> Finding:
+def found(target: str, seed: int) -> TargetResult:
     return target_function(target)(case(seed)[1])
 
 

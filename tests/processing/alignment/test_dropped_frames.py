@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from recoil_processing.alignment import motion_alignment
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.motion_fit import MotionFit
 from tests.builders.motions import ONSET_S, RecordedMotion, record_motion
@@ -175,3 +176,9 @@ def test_single_faulty_frames_and_known_gaps_are_no_missing_frames():
         motion, displacement_m=np.delete(spiked, gap), camera_times_s=np.delete(motion.camera_times_s, gap)
     )
     assert fit_of(motion).frame_faults == ()
+
+
+def test_two_motions_are_not_searched_for_frames(monkeypatch):
+    motion = recorded(1)
+    monkeypatch.setattr(motion_alignment, "find_frame_faults", lambda *_, **__: pytest.fail("it was searched"))
+    assert fit_of(replace(motion, displacement_m=3.0 * motion.displacement_m)).gain > motion_alignment.MOST_GAIN

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_processing.quality.force_checks import check_braking, check_force_sign, check_impulse, check_skew
+from recoil_processing.quality.balance_checks import check_braking, check_force_sign, check_impulse, check_skew
 from recoil_processing.quality.motion_checks import (
     VelocityError,
     check_carriage,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.shot import InputFile
-from recoil_identification.report.document import report_document
-from recoil_identification.report.figures import report_figures
+from recoil_identification.report.document.document import report_document
+from recoil_identification.report.figure.figures import report_figures
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.shot.channel_repair import level_samples, mend_samples

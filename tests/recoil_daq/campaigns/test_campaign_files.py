@@ -7,7 +7,7 @@ import pytest
 
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_daq.campaigns.campaign import campaign
-from recoil_identification.report.report_files import CURVES_FILE, curves_text, sealed, write_files
+from recoil_identification.report.document.report_files import CURVES_FILE, curves_text, sealed, write_files
 from recoil_identification.shot.firing_record import CURVES, Curves
 from tests.builders.campaign_reports import write_report
 from tests.builders.campaign_summaries import campaign_of

@@ -15,7 +15,7 @@ from recoil_acquisition.errors import ReadError
 from recoil_daq import __version__
 from recoil_daq.campaigns.campaign import campaign
 from recoil_daq.campaigns.reproduction import check_reports
-from recoil_identification.report.report_files import json_bytes, sealed
+from recoil_identification.report.document.report_files import json_bytes, sealed
 from tests.builders.campaign_reports import write_report
 from tests.builders.campaign_summaries import campaign_of
 
@@ -139,6 +139,7 @@ def test_a_campaign_with_the_same_shots_and_the_answer_that_is_replaced_are_no_e
     assert remarks(other) == [None, None, "4 of its shots are in this campaign, too", None]
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     "content",
     [
@@ -160,6 +161,7 @@ def test_a_hostile_answer_is_told_in_one_line_before_any_work(
     assert not (tmp_path / "now").exists()
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("key", ["budget", "channels", "shots", "mass", "provenance"])
 def test_an_answer_that_lacks_or_garbles_a_part_is_told(season: Path, tmp_path: Path, key: str) -> None:
     past = copied(season, tmp_path)
@@ -171,6 +173,7 @@ def test_an_answer_that_lacks_or_garbles_a_part_is_told(season: Path, tmp_path: 
             campaign(season / "autumn", out=tmp_path / "now", history=past)
 
 
+@pytest.mark.whole_way
 def test_a_folder_without_any_is_no_history(season: Path, tmp_path: Path) -> None:
     with pytest.raises(ReadError, match="no campaign's answer"):
         campaign(season / "autumn", out=tmp_path / "now", history=season / "autumn")

@@ -11,7 +11,7 @@ import pytest
 from recoil_daq.campaigns.running import running_campaign
 from recoil_daq.campaigns.sources import CUTOFF_FILE, CampaignReport, Outdated
 from recoil_daq.reports.identify import identify_file
-from recoil_identification.report.report_files import REPORT_FILE
+from recoil_identification.report.document.report_files import REPORT_FILE
 from recoil_identification.shot.identified import Options
 from tests.builders.campaigns import FiredCampaign, ring_campaign
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 import pytest
 
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
 from recoil_daq.live.added_mass import AddedMass, AddedMassEntry
+from recoil_daq.live.shots import shot_work
 from recoil_rigs.rig import load_rig
 from tests.builders.range_session import Range, Told
 
@@ -62,6 +64,28 @@ def test_the_key_m_asks_and_the_shots_from_then_on_carry_what_was_typed(
     assert [(r.shot, r.added_mass_kg, r.u_added_mass_kg, r.u_added_mass_stated) for r in rows] == [
         ("0001", 3.0, 0.0, False), ("0002", 12.5, 0.05, True),
     ]  # fmt: skip
+
+
+def test_a_session_ends_when_the_shot_log_has_the_mass_or_it_is_said_why_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held = threading.Event()
+
+    def note(_: AddedMass, _out: Path, shot: str) -> str:
+        assert held.wait(10.0)
+        return f"the added mass of shot {shot} is not in the shot log"
+
+    monkeypatch.setattr(AddedMass, "note", note)
+    monkeypatch.setattr(shot_work, "NOTED_WITHIN_S", 0.01)
+    display = Told(has_keys=True, keys={"0001 captured": "qy"})
+    display.then["the shot log is in use"] = held.set
+    one = Range(monkeypatch, load_rig("mixed"), tmp_path, display, added_mass=AddedMass(3.0))
+    one.session.fired(1.0)
+    one.run()
+    assert display.notices[-2:] == [
+        "the shot log is in use: it is waited for, for the added mass of 0001",
+        "the added mass of shot 0001 is not in the shot log",
+    ]
 
 
 def test_an_empty_answer_leaves_it_and_a_dash_takes_it_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,7 @@ from recoil_acquisition.reader_process import READER
 from recoil_daq import beside
 from recoil_daq.reports.comparison import Others
 from recoil_daq.reports.output import Output
-from recoil_identification.report.report_files import sealed
+from recoil_identification.report.document.report_files import sealed
 
 
 @pytest.fixture

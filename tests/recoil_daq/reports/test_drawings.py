@@ -19,10 +19,11 @@ from recoil_daq import identify_file
 from recoil_daq.reports import drawings
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.output import Pages
-from recoil_daq.reports.reproduction import Kept, Recomputed, recompute
-from recoil_identification.report.report_files import sealed
-from recoil_identification.report.reproduction import Comparison
-from recoil_identification.report.typeset import png_bytes
+from recoil_daq.reports.reproduction.kept_report import Kept
+from recoil_daq.reports.reproduction.recomputed import Recomputed, recompute
+from recoil_identification.report.document.report_files import sealed
+from recoil_identification.report.document.reproduction import Comparison
+from recoil_identification.report.paper.typeset import png_bytes
 
 HEADER = 'number = "TR-7"\nunits = ["bar", "g"]\n'
 FIGURE = "figures/mass"

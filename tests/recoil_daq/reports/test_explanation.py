@@ -22,13 +22,15 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.remark import NoteCode
 from recoil_acquisition.store import read_shot, write_shot
 from recoil_daq import Options, check_reports, explain, identify_file, identify_folder, load_rig
-from recoil_daq.reports import reproduction as again
-from recoil_daq.reports.reproduction import Kept, other_digits, recompute
+from recoil_daq.reports.reproduction import kept_document, kept_report
+from recoil_daq.reports.reproduction.kept_document import other_digits
+from recoil_daq.reports.reproduction.kept_report import Kept
+from recoil_daq.reports.reproduction.recomputed import recompute
 from recoil_daq.reports.stored_shot import StoredShot
 from recoil_daq.terminal.console import shown
 from recoil_daq.terminal.explanation import print_checked, print_explained
-from recoil_identification.report.report_files import sealed
-from recoil_identification.report.reproduction import leaves_of
+from recoil_identification.report.document.report_files import sealed
+from recoil_identification.report.document.reproduction import leaves_of
 from recoil_identification.shot.identified import Identification
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_rigs.rig import find_rig
@@ -73,7 +75,7 @@ def known() -> dict[Any, Any]:
 @pytest.fixture(autouse=True)
 def _once(monkeypatch: pytest.MonkeyPatch, known: dict[Any, Any]) -> None:
     """Read and identify a shot only once with the same row, rig and options: it takes long, and gives the same."""
-    read, identify = again.read_stored_again, again.identify_shot
+    read, identify = kept_report.read_stored_again, kept_report.identify_shot
 
     def read_once(path: Path, *given: Any) -> StoredShot:
         asked = hashlib.sha256(path.read_bytes()).digest(), repr(given)
@@ -88,8 +90,8 @@ def _once(monkeypatch: pytest.MonkeyPatch, known: dict[Any, Any]) -> None:
             known[asked] = identify(fired, options)
         return known[asked]
 
-    monkeypatch.setattr(again, "read_stored_again", read_once)
-    monkeypatch.setattr(again, "identify_shot", identify_once)
+    monkeypatch.setattr(kept_report, "read_stored_again", read_once)
+    monkeypatch.setattr(kept_report, "identify_shot", identify_once)
 
 
 def rewritten(home: Path, document: dict[str, Any]) -> None:
@@ -458,7 +460,7 @@ def test_a_folder_of_reports_is_checked_each_on_its_line(copied: Path, run: Call
 
 @pytest.mark.whole_way
 def test_elsewhere_numbers_come_again_within_their_rounding(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(again, "computer", lambda: {"system": "another"})
+    monkeypatch.setattr(kept_document, "computer", lambda: {"system": "another"})
     checked = check_reports(home / "reports", workers=1)
     assert checked.again
     assert not checked.reports[0].exact

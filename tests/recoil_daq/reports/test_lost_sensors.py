@@ -20,11 +20,11 @@ from recoil_daq.reports.identify import reported
 from recoil_daq.reports.stored_shot import StoredShot
 from recoil_daq.reports.targets import find_target, target_reported
 from recoil_identification.campaign.combination import combine
-from recoil_identification.report.chosen_units import ChosenUnits
-from recoil_identification.report.figures import report_figures
-from recoil_identification.report.html import render_page, render_target_page
-from recoil_identification.report.paper import report_pdf
-from recoil_identification.report.report_files import write_document
+from recoil_identification.report.content.chosen_units import ChosenUnits
+from recoil_identification.report.document.report_files import write_document
+from recoil_identification.report.figure.figures import report_figures
+from recoil_identification.report.page.html import render_page, render_target_page
+from recoil_identification.report.paper.paper import report_pdf
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_identification.targets import TARGETS

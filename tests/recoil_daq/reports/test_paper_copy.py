@@ -11,9 +11,9 @@ from pypdf import PdfReader
 
 from recoil_acquisition.extras import Extra
 from recoil_daq.reports.identify_folder import identify_folder
-from recoil_identification.report import typeset
-from recoil_identification.report.figure import Figure, Panel
-from recoil_identification.report.paper import write_figures
+from recoil_identification.report.figure.figure import Figure, Panel
+from recoil_identification.report.paper import typeset
+from recoil_identification.report.paper.paper import write_figures
 from recoil_rigs.twin import CampaignPlan
 from tests.builders.campaigns import FiredCampaign, fire_campaign
 

@@ -12,7 +12,7 @@ import pytest
 
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.segment import FolderLock
-from recoil_daq.reports.report_folder import publish, refuse_existing
+from recoil_daq.reports.report_folder import publish, refuse_existing, way_inside
 
 NAMES = ("report.html", "report.json", "mass.csv")
 NOTES = {"notes.txt": "mine", "photos/1.txt": "a photo"}
@@ -196,3 +196,14 @@ def test_a_file_system_without_links_will_do(reported: Path, monkeypatch: pytest
     monkeypatch.setattr(os, "link", refuse)
     publish(reported, writer("new"))
     assert contents(reported) == dict.fromkeys(NAMES, "new") | NOTES
+
+
+@pytest.mark.parametrize(
+    "way",
+    [None, 5, ["x"], "/etc/report.html", "C:/a/report.html", r"\\host\share\a", "//host/a", "../../out/a", "a\0b"],
+)
+def test_a_way_of_somebody_s_document_leads_nowhere_but_inside(way: object, tmp_path: Path) -> None:
+    home = tmp_path / "season" / "campaign"
+    assert way_inside(home, way, tmp_path / "season") is None
+    found = way_inside(home, "../reports/0001/report.html", tmp_path / "season")
+    assert found == (tmp_path / "season" / "reports" / "0001" / "report.html").resolve()

@@ -21,7 +21,7 @@ from recoil_acquisition.store import write_shot
 from recoil_daq import read_report
 from recoil_daq.campaigns.campaign import campaign
 from recoil_daq.reports.identify import identify_file
-from recoil_identification.report.packing import unpacked
+from recoil_identification.report.page.packing import unpacked
 from tests.builders.campaign_reports import write_reports
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.virtual_shots import virtual_shot

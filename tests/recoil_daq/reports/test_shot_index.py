@@ -19,9 +19,9 @@ from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.extras import Extra
 from recoil_daq.reports import shot_index
 from recoil_daq.reports.shot_index import index_shots
-from recoil_identification.report import spreadsheet
-from recoil_identification.report.report_files import json_bytes, sealed
-from recoil_identification.report.shot_index import INDEX
+from recoil_identification.report.document import spreadsheet
+from recoil_identification.report.document.report_files import json_bytes, sealed
+from recoil_identification.report.results.shot_index import INDEX
 from tests.builders.page_elements import PageElements
 from tests.recoil_daq.conftest import Identified
 

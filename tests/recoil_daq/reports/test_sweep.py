@@ -14,9 +14,9 @@ from typer.testing import Result
 
 from recoil_acquisition.errors import StoreError
 from recoil_daq.reports.sweep import MOST_VALUES, Sweep, Swept, sweep_shot, sweeps_again
-from recoil_identification.report.html import render_results_page
-from recoil_identification.report.report_files import seal_fault
-from recoil_identification.report.sweep import SWEEP, sweep_document, sweep_figures
+from recoil_identification.report.document.report_files import seal_fault
+from recoil_identification.report.page.html import render_results_page
+from recoil_identification.report.results.sweep import SWEEP, sweep_document, sweep_figures
 from recoil_identification.shot.identified import Options
 from tests.builders.page_elements import PageElements
 from tests.recoil_daq.conftest import Identified

@@ -27,7 +27,7 @@ from recoil_acquisition.frames.scan import find_frames
 from recoil_acquisition.frames.values import decode_fields, unwrap
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.writer import LogWriter
-from recoil_acquisition.readers.can.capture import CanCaptureRecording
+from recoil_acquisition.readers.can.captured_bus import CanCaptureRecording
 from recoil_acquisition.readers.can.decoding import bit_runs_of
 from recoil_acquisition.readers.rdlog import CaptureReader
 from recoil_rigs.rig import Rig, load_rig, parse_rig

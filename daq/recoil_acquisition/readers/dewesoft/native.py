@@ -23,7 +23,6 @@ import hashlib
 import json
 import math
 import shutil
-import subprocess
 import tempfile
 import weakref
 from functools import partial
@@ -34,7 +33,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.child_process import own_command
+from recoil_acquisition.child_process import isolated
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
 from recoil_acquisition.extras import DEWESOFT
@@ -105,11 +104,8 @@ def _run(path: Path, folder: Path, size: int) -> dict[str, Any]:
     """Let a child read the file; return what it says."""
     limit_s = LIMIT_S + size / BYTES_PER_SECOND
     try:
-        done = subprocess.run(  # noqa: S603  our own module, by our own interpreter
-            own_command(child.__name__, str(path.resolve()), str(folder)),
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, timeout=limit_s, check=False,
-        )  # fmt: skip
-    except subprocess.TimeoutExpired as error:
+        done = isolated(child.__name__, str(path.resolve()), str(folder), limit_s=limit_s)
+    except TimeoutError as error:
         raise CorruptFileError(
             f"Dewesoft's library did not come back within {limit_s:.0f} s", path=path, remedy=_REMEDY
         ) from error
@@ -118,10 +114,9 @@ def _run(path: Path, folder: Path, size: int) -> dict[str, Any]:
     try:
         found = json.loads((folder / child.RECORDING).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        said = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:]
         raise CorruptFileError(
-            f"Dewesoft's library failed over this file (exit code {done.returncode})", path=path,
-            found=said[0] if said else None, remedy=_REMEDY,
+            f"Dewesoft's library failed over this file (exit code {done.code})", path=path,
+            found=done.said or None, remedy=_REMEDY,
         ) from error  # fmt: skip
     if "no_library" in found:
         raise ReadError(

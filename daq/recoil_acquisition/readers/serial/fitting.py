@@ -76,11 +76,6 @@ class FittingFraming:
         return f"{self.frames:,} good frames of {self._kind}{bad}{self.where}"
 
     @property
-    def good(self) -> float:
-        """Share of the frames that are good."""
-        return self.frames / (self.frames + self.bad)
-
-    @property
     def _kind(self) -> str:
         """Kind of the frames in words."""
         if self.is_ready_made:
@@ -101,11 +96,6 @@ def fitting_framings(stream: bytes) -> tuple[FittingFraming, ...]:
     stream = stream[:MOST_BYTES]
     tried = [replace(found, where=where) for table in _tables(stream) if (found := _tried(stream, table)) is not None]
     return tuple(sorted(tried, key=lambda one: -one.share))
-
-
-def fitting_framing(stream: bytes) -> FittingFraming | None:
-    """Return the ready-made framing whose sound frames hold most of some bytes; None if none holds enough."""
-    return next(iter(fitting_framings(stream)), None)
 
 
 def _tried(stream: bytes, table: Mapping[str, Any]) -> FittingFraming | None:

@@ -8,7 +8,7 @@ from recoil_acquisition.errors import ReadError, system_errors_as
 from recoil_acquisition.frames.scan import PortStream
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.serial.capture import SerialRecording, declared_framing
+from recoil_acquisition.readers.serial.captured_port import SerialRecording, declared_framing
 
 
 class SerialBytesReader:

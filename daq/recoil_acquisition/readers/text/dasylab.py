@@ -20,7 +20,7 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import has_decimal_comma, split_cells, split_unit
 from recoil_acquisition.readers.text.recording import text_recording
-from recoil_acquisition.readers.text.text_table import find_block
+from recoil_acquisition.readers.text.table_layout import TableLayout
 from recoil_acquisition.readers.text.time_base import TimeSource, rate_of_step
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
@@ -132,21 +132,17 @@ class DasylabTextReader:
         samples = [split_cells(line, separator) for line in lines[row + 1 : row + 1 + LOOKED_AT] if line.strip()]
         timed = headings[at][1].casefold() == _TIME_OF_DAY
         comma = has_decimal_comma([cells[at + timed :] for cells in samples])
-        block = find_block(
-            file, file.line_start(row + 1), separator, [f"{n} [{u}]" if u else n for n, u in headings],
-            decimal_comma=comma,
-        )  # fmt: skip
         time, notes = self._time(keys, headings[at], at, path)
         channels = len(headings) - 1 - at
         stated = keys.get(_CHANNELS_KEY)
         if stated is not None and stated != str(channels):
             text = f"the preamble states {stated} channels, the headings name {channels}: the headings count"
             notes.append(Note(NoteCode.CONTRADICTION, None, text))
-        metadata = {"preamble": lines[:row], "header": lines[row]}
-        left_out = (0,) if has_date else ()
-        return text_recording(
-            self.name, block, declared.clock, headings, time, metadata, text_columns=left_out, notes=notes
-        )
+        layout = TableLayout(
+            separator=separator, first_row=row + 1, headings=headings, time=time, header_row=row,
+            labels=[f"{n} [{u}]" if u else n for n, u in headings], text_columns=range(at), decimal_comma=comma,
+        )  # fmt: skip
+        return text_recording(self.name, layout.block(file), layout, declared.clock, layout.head(lines), notes=notes)
 
     def _time(
         self, keys: dict[str, str], heading: tuple[str, str], at: int, path: Path

@@ -11,7 +11,7 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import split_cells, split_unit
 from recoil_acquisition.readers.text.layout import MOST_ROWS, TextLayout, column_named
 from recoil_acquisition.readers.text.recording import text_recording
-from recoil_acquisition.readers.text.text_table import find_block
+from recoil_acquisition.readers.text.table_layout import TableLayout
 from recoil_acquisition.readers.text.time_base import TimeSource
 from recoil_acquisition.readers.text_file import LongText
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
@@ -51,15 +51,14 @@ class DeclaredTextReader:
                 expected=f"numbers from line {layout.first_row}", found=f"{len(lines)} lines", remedy=_REMEDY,
             )  # fmt: skip
         headings = _headings(layout, lines, path)
-        names = [name for name, _ in headings]
-        block = find_block(
-            file, file.line_start(layout.first_row - 1), layout.separator, names,
+        time, notes = _time(layout, headings, path)
+        table = TableLayout(
+            separator=layout.separator, first_row=layout.first_row - 1, headings=headings, time=time,
             decimal_comma=layout.decimal == ",", missing=layout.missing, comment=layout.comment,
             thousands=layout.thousands,
         )  # fmt: skip
-        time, notes = _time(layout, headings, path)
         return text_recording(
-            self.name, block, declared.clock, headings, time, {"preamble": lines[: layout.first_row - 1]}, notes=notes,
+            self.name, table.block(file), table, declared.clock, table.head(lines), notes=notes,
             declared={"layout": dict(declared.layout)},
         )  # fmt: skip
 

@@ -22,7 +22,7 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import SEPARATORS, has_decimal_comma, is_number, split_cells, split_unit
 from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
 from recoil_acquisition.readers.text.recording import text_recording
-from recoil_acquisition.readers.text.text_table import find_block
+from recoil_acquisition.readers.text.table_layout import TableLayout
 from recoil_acquisition.readers.text.time_base import TimeSource
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
@@ -106,9 +106,7 @@ class DewesoftTextReader:
         rows = [split_cells(line, separator) for line in lines[row + 1 :] if line]
         absolute, of_day = is_absolute(rows[0][0]), is_time_of_day(rows[0][0])
         comma = has_decimal_comma([cells[int(absolute or of_day) :] for cells in rows])
-        block = find_block(file, file.line_start(row + 1), separator, headings, decimal_comma=comma)
         split = [split_unit(heading) for heading in headings]
-        metadata = {"preamble": lines[:row], "header": lines[row]}
         if absolute:
             time = TimeSource(0, parse=parse_dewesoft_stamp, remedy=_STAMP_REMEDY)
         elif of_day:
@@ -116,8 +114,12 @@ class DewesoftTextReader:
         else:
             if split[0][1] not in TIME_UNITS_S:
                 raise ReadError(
-                    "the unit of the time column is unknown", path=path, place=f"line {block.first_line - 1}",
+                    "the unit of the time column is unknown", path=path, place=f"line {row + 1}",
                     expected="`Time (s)` or `Time (ms)`", found=repr(headings[0]), remedy=_RELATIVE_REMEDY,
                 )  # fmt: skip
             time = TimeSource(0, unit_s=TIME_UNITS_S[split[0][1]], remedy=_RELATIVE_REMEDY)
-        return text_recording(self.name, block, declared.clock, split, time, metadata)
+        layout = TableLayout(
+            separator=separator, first_row=row + 1, headings=split, time=time, header_row=row, labels=headings,
+            decimal_comma=comma,
+        )  # fmt: skip
+        return text_recording(self.name, layout.block(file), layout, declared.clock, layout.head(lines))

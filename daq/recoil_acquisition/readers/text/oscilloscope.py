@@ -39,7 +39,8 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.readers.text.cells import decimals, has_decimal_comma, is_number, number_of, split_cells
 from recoil_acquisition.readers.text.recording import text_recording
-from recoil_acquisition.readers.text.text_table import TextBlock, find_block
+from recoil_acquisition.readers.text.table_layout import TableLayout
+from recoil_acquisition.readers.text.text_table import TextBlock
 from recoil_acquisition.readers.text.time_base import TimeSource, rate_of_step
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import time_unit_s
@@ -53,28 +54,14 @@ MOST_SEGMENTS = 1 << 20
 """Segments of a file that are read at most."""
 
 
-@dataclass(frozen=True)
-class WaveformTable:
+@dataclass(frozen=True, kw_only=True)
+class WaveformTable(TableLayout):
     """Layout of the rows of a waveform, as its head states it.
 
     Attributes
     ----------
-    first_row
-        Index of the line of the first row.
-    headings
-        Name and unit of every column of the rows.
-    time_column
-        Column of the time; None if the head alone states it.
-    unit_s
-        Unit of the time column, s.
-    start_s, step_s
-        Time of the first row and step, s, where no column holds the time.
     count
         Number of rows that the head states; None if it states none.
-    left_out
-        Columns that are no signals.
-    start
-        Wall-clock time of time zero, if the head states it.
     several
         Number of waveforms that follow each other.
     triggers_s
@@ -86,21 +73,36 @@ class WaveformTable:
         Step that the head states beside the column of time, s; None if it states none.
     """
 
-    separator: str
-    first_row: int
-    headings: tuple[tuple[str, str], ...]
-    time_column: int | None = 0
-    unit_s: float = 1.0
-    start_s: float = 0.0
-    step_s: float = 1.0
     count: int | None = None
-    left_out: tuple[int, ...] = ()
     notes: tuple[Remark, ...] = ()
-    start: AbsoluteStart | None = None
     several: int = 1
     triggers_s: tuple[float, ...] = ()
     number_column: int | None = None
     stated_step_s: float | None = None
+
+
+def _table(
+    separator: str,
+    first_row: int,
+    headings: Sequence[tuple[str, str]],
+    *,
+    column: int = 0,
+    unit_s: float = 1.0,
+    start: AbsoluteStart | None = None,
+    **more: Any,
+) -> WaveformTable:
+    """Return the layout of rows with a column of time."""
+    time = TimeSource(column, unit_s=unit_s, start=start, remedy=_REMEDY)
+    return WaveformTable(separator=separator, first_row=first_row, headings=headings, time=time, **more)
+
+
+def _stepped(
+    separator: str, first_row: int, headings: Sequence[tuple[str, str]], start_s: float, step_s: float, **more: Any
+) -> WaveformTable:
+    """Return the layout of rows whose head alone states their times."""
+    rate_hz = rate_of_step(step_s)
+    time = TimeSource(None, rate_hz=rate_hz, rate_origin="stated above the rows", start_s=start_s, remedy=_REMEDY)
+    return WaveformTable(separator=separator, first_row=first_row, headings=headings, time=time, **more)
 
 
 Lines: TypeAlias = Sequence[str]
@@ -148,23 +150,17 @@ class OscilloscopeTextReader:
             )  # fmt: skip
         rows = [split_cells(line, table.separator) for line in lines[table.first_row :] if line.strip()]
         comma = table.separator != "," and has_decimal_comma(rows)
-        block = find_block(
-            file, file.line_start(table.first_row), table.separator, [name for name, _ in table.headings],
-            decimal_comma=comma,
-        )  # fmt: skip
+        table = replace(table, decimal_comma=comma)
+        block = table.block(file)
         if table.count is not None and block.row_count < table.count:
             missing = f"{table.count - block.row_count} of the stated {table.count} rows are not in the file"
             block = replace(block, dropped="; ".join(filter(None, (block.dropped, missing))))
         if table.number_column is not None:
             _refuse_missing_rows(block, table.number_column)
         notes = (*table.notes, *_about_head(table, rows, block.row_count))
-        metadata = {"preamble": list(lines[: min(table.first_row, HEADER_LINES)])}
         if table.several > 1:
-            return _segmented(self.name, block, declared.clock, table, metadata)
-        return text_recording(
-            self.name, block, declared.clock, table.headings, _time_source(table), metadata,
-            text_columns=table.left_out, notes=notes,
-        )  # fmt: skip
+            return _segmented(self.name, block, declared.clock, table, table.head(lines[:HEADER_LINES]))
+        return text_recording(self.name, block, table, declared.clock, table.head(lines[:HEADER_LINES]), notes=notes)
 
 
 def _refuse_missing_rows(block: TextBlock, column: int) -> None:
@@ -185,14 +181,14 @@ def _about_head(table: WaveformTable, rows: Sequence[Sequence[str]], count: int)
     if table.count is not None and count > table.count and table.several == 1:
         text = f"the head states {table.count} rows, and {count} are there"
         notes.append(Note(NoteCode.CONTRADICTION, None, text))
-    at = table.time_column
+    at, unit_s = table.time.column, table.time.unit_s or 1.0
     if table.stated_step_s is None or at is None:
         return notes
     cells = [row[at].replace(",", ".") for row in rows[:2] if len(row) > at and is_number(row[at])]
     if len(cells) < 2:
         return notes
-    step_s = table.unit_s * (float(cells[1]) - float(cells[0]))
-    digit_s = table.unit_s * 10.0 ** -max(map(decimals, cells))
+    step_s = unit_s * (float(cells[1]) - float(cells[0]))
+    digit_s = unit_s * 10.0 ** -max(map(decimals, cells))
     if abs(step_s - table.stated_step_s) > _SAME_STEP * table.stated_step_s + digit_s:
         text = f"the head states a step of {table.stated_step_s:g} s, the column of time has {step_s:g} s: it counts"
         notes.append(Note(NoteCode.CONTRADICTION, None, text))
@@ -204,7 +200,7 @@ def _segmented(
 ) -> Recording:
     """Return the waveforms of a file as one record with gaps, each at the instant of its trigger."""
     numbered = TimeSource(None, rate_hz=1.0, rate_origin="none", remedy=_REMEDY)
-    rows = text_recording(reader, block, clock, table.headings, numbered, metadata)
+    rows = text_recording(reader, block, replace(table, time=numbered), clock, metadata)
     time, *signals = rows.signals
     instants = partial(_instants_of_segments, rows, time.name, table, clock)
     channels = [
@@ -220,7 +216,7 @@ def _segmented(
         notes.insert(0, Note(NoteCode.CUT, None, block.dropped))
     return Recording(
         rows.path, reader, channels, metadata=dict(metadata), notes=lambda: notes, incomplete=block.dropped,
-        absolute_start=table.start,
+        absolute_start=table.time.start,
     )  # fmt: skip
 
 
@@ -230,7 +226,7 @@ def _read(rows: Recording, name: str, start: int, stop: int) -> NDArray[np.float
 
 def _instants_of_segments(rows: Recording, time: str, table: WaveformTable, clock: str) -> TimeBase:
     """Return the instants of all segments: a time that does not go on begins the next one."""
-    own_s = table.unit_s * rows.read(time)
+    own_s = (table.time.unit_s or 1.0) * rows.read(time)
     if not np.all(np.isfinite(own_s)):
         row = int(np.flatnonzero(~np.isfinite(own_s))[0])
         raise CorruptFileError("a row has no time", path=rows.path, place=f"row {row + 1}", remedy=_REMEDY)
@@ -250,7 +246,7 @@ def _instants_of_segments(rows: Recording, time: str, table: WaveformTable, cloc
             "a segment begins before the one before it ends", path=rows.path, place=f"row {back[0] + 2}",
             expected=f"more than {times_s[back[0]]:.9g} s", found=f"{times_s[back[0] + 1]:.9g} s", remedy=_REMEDY,
         )  # fmt: skip
-    return TimeBase.stamped(clock, times_s, table.start)
+    return TimeBase.stamped(clock, times_s, table.time.start)
 
 
 def _refuse_missing_segments(path: Path, sizes: NDArray[np.int64], table: WaveformTable) -> None:
@@ -272,15 +268,6 @@ def _refuse_missing_segments(path: Path, sizes: NDArray[np.int64], table: Wavefo
         )  # fmt: skip
 
 
-def _time_source(table: WaveformTable) -> TimeSource:
-    if table.time_column is not None:
-        return TimeSource(table.time_column, unit_s=table.unit_s, start=table.start, remedy=_REMEDY)
-    return TimeSource(
-        None, rate_hz=rate_of_step(table.step_s), rate_origin="stated above the rows", start=table.start,
-        start_s=table.start_s, remedy=_REMEDY,
-    )  # fmt: skip
-
-
 def _count(cell: str) -> int | None:
     value = number_of(cell)
     return None if value is None or not 0 < value < 1e12 else round(value)
@@ -294,9 +281,10 @@ def _first_row(lines: Lines, at: int) -> int:
 
 
 def _without_empty_end(cells: list[str]) -> list[str]:
-    while len(cells) > 2 and not cells[-1]:
-        cells = cells[:-1]
-    return cells
+    end = len(cells)
+    while end > 2 and not cells[end - 1]:
+        end -= 1
+    return cells[:end]
 
 
 def _keys(lines: Lines, separator: str) -> Mapping[str, list[str]]:
@@ -328,9 +316,9 @@ def _tektronix(lines: Lines, separator: str) -> WaveformTable | None:
         dropped = ", ".join(cell for cell in cells[again + 1 :] if cell)
         note = Note(NoteCode.LEFT_OUT, None, f"columns of a second time were left out: {dropped}")
         gated = keys.get("gating", ["0.0% to 100.0%"])[0].replace(" ", "") != "0.0%to100.0%"
-        return WaveformTable(
+        return _table(
             separator, _first_row(lines, at + 1), tuple(headings), unit_s=time_unit_s(unit) or 1.0,
-            count=None if gated else _count(keys["record length"][0]), left_out=tuple(left_out),
+            count=None if gated else _count(keys["record length"][0]), text_columns=tuple(left_out),
             stated_step_s=number_of(keys["sample interval"][0]) if unit == "s" else None,
             notes=(note,) if dropped else (),
         )  # fmt: skip
@@ -351,7 +339,7 @@ def _tektronix_beside(lines: Lines, separator: str) -> WaveformTable | None:
         return None
     name, unit = keys.get("source", [""])[0] or "waveform", keys.get("vertical units", [""])[0]
     headings = (("key", ""), ("value", ""), ("unit", ""), ("time", "s"), (name, unit))
-    return WaveformTable(separator, 0, headings, time_column=3, count=_count(rows[0][1]), left_out=(0, 1, 2))
+    return _table(separator, 0, headings, column=3, count=_count(rows[0][1]), text_columns=(0, 1, 2))
 
 
 def _keysight(lines: Lines, separator: str) -> WaveformTable | None:
@@ -360,7 +348,7 @@ def _keysight(lines: Lines, separator: str) -> WaveformTable | None:
     units = _without_empty_end(split_cells(lines[1], separator)) if len(lines) > 1 else []
     if names[:1] == ["x-axis"] and len(names) == len(units) > 1 and time_unit_s(units[0]) is not None:
         headings = tuple(zip(names, units, strict=True))
-        return WaveformTable(separator, _first_row(lines, 2), headings, unit_s=time_unit_s(units[0]) or 1.0)
+        return _table(separator, _first_row(lines, 2), headings, unit_s=time_unit_s(units[0]) or 1.0)
     return _infiniium(lines, separator)
 
 
@@ -384,7 +372,7 @@ def _infiniium(lines: Lines, separator: str) -> WaveformTable | None:
             if len(cells) != 2 or not all(map(is_number, cells)):
                 return None
             heading = ("waveform", keys.get("y units", keys.get("yunits", "")))
-            return WaveformTable(
+            return _table(
                 separator, first, (("time", unit), heading), unit_s=time_unit_s(unit) or 1.0,
                 count=_count(keys.get("points", "")), stated_step_s=step * (time_unit_s(unit) or 1.0),
             )  # fmt: skip
@@ -401,7 +389,7 @@ def _rohde_schwarz(lines: Lines, separator: str) -> WaveformTable | None:
     if not names or cells[0] != "in s" or None in names:
         return None
     headings = (("time", "s"), *((one[1], one[2]) for one in names if one is not None))
-    return WaveformTable(separator, _first_row(lines, 1), headings)
+    return _table(separator, _first_row(lines, 1), headings)
 
 
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
@@ -425,7 +413,7 @@ def _lecroy(lines: Lines, separator: str) -> WaveformTable | None:
     size = _count(counts[3])
     since_s = [number_of(cells[2]) if len(cells) > 2 else None for cells in stamps]
     triggers_s = tuple(one for one in since_s if one is not None)
-    return WaveformTable(
+    return _table(
         separator, _first_row(lines, at + 1), headings, count=None if size is None else size * segments,
         start=_trigger(stamps[0][1] if stamps and len(stamps[0]) > 1 else ""), several=segments,
         triggers_s=triggers_s if len(triggers_s) == segments else (),
@@ -433,7 +421,7 @@ def _lecroy(lines: Lines, separator: str) -> WaveformTable | None:
 
 
 def _many_segments(separator: str, segments: int) -> WaveformTable:
-    return WaveformTable(separator, 0, (("Time", "s"), ("Ampl", "")), several=segments)
+    return _table(separator, 0, (("Time", "s"), ("Ampl", "")), several=segments)
 
 
 def _trigger(text: str) -> AbsoluteStart | None:
@@ -473,10 +461,10 @@ def _yokogawa(lines: Lines, separator: str) -> WaveformTable | None:
     traces = [(name, units[i] if i < len(units) else "") for i, name in enumerate(names)]
     width = len(_without_empty_end(split_cells(lines[first], separator)))
     leads = width > len(names)
-    return WaveformTable(
-        separator, first, tuple([("number", ""), *traces] if leads else traces),
-        time_column=None, start_s=starts[0] * unit_s, step_s=steps[0] * unit_s, count=_count(keys["BlockSize"][0]),
-        left_out=(0,) if leads else (), several=_count(next(iter(keys.get("BlockNumber", [])), "")) or 1,
+    return _stepped(
+        separator, first, tuple([("number", ""), *traces] if leads else traces), starts[0] * unit_s, steps[0] * unit_s,
+        count=_count(keys["BlockSize"][0]), text_columns=(0,) if leads else (),
+        several=_count(next(iter(keys.get("BlockNumber", [])), "")) or 1,
     )  # fmt: skip
 
 
@@ -496,7 +484,7 @@ def _picoscope(lines: Lines, separator: str) -> WaveformTable | None:
     if unit_s is None:
         return None
     headings = tuple(zip(names, spelled, strict=True))
-    return WaveformTable(separator, 3, headings, unit_s=unit_s)
+    return _table(separator, 3, headings, unit_s=unit_s)
 
 
 _T0 = re.compile(r"t0\s*=\s*([-+.\deE]+)\s*s?")
@@ -515,12 +503,11 @@ def _rigol(lines: Lines, separator: str) -> WaveformTable | None:
             return None
         headings = tuple((name, "" if i == 0 else below[i]) for i, name in enumerate(names[:count]))
         number = number_of(split_cells(lines[2], separator)[0]) if len(lines) > 2 else None
-        return WaveformTable(
-            separator, 2, headings, time_column=None, start_s=start + step * (number or 0.0), step_s=step,
-            left_out=(0,), number_column=0,
-        )  # fmt: skip
+        return _stepped(
+            separator, 2, headings, start + step * (number or 0.0), step, text_columns=(0,), number_column=0
+        )
     if names[:1] == ["X"] and below[:1] == ["Second"] and 1 < len(names) <= len(below):
-        return WaveformTable(separator, 2, tuple(zip(names, below, strict=False)))
+        return _table(separator, 2, tuple(zip(names, below, strict=False)))
     if len(names) < 3 or not (first := _T0.fullmatch(names[-2])) or not (step_cell := _T_INC.fullmatch(names[-1])):
         return None
     split = [_NAME_AND_UNIT.fullmatch(name) for name in names[:-2]]
@@ -528,7 +515,7 @@ def _rigol(lines: Lines, separator: str) -> WaveformTable | None:
     if None in split or start is None or not step or names[0].casefold().startswith("time"):
         return None
     headings = tuple((one[1], one[2]) for one in split if one is not None)
-    return WaveformTable(separator, 1, headings, time_column=None, start_s=start, step_s=step)
+    return _stepped(separator, 1, headings, start, step)
 
 
 _SIGLENT_UNIT = re.compile(r"(CH\d+|Math|F\d)\s*:\s*(\S+?)(?=[\s,]|$)")
@@ -551,7 +538,7 @@ def _siglent(lines: Lines, separator: str) -> WaveformTable | None:
         for name, word in zip(names, cells[1:], strict=True):
             headings.append((name, units.get(name, "" if word == "Value" else word)))
         interval = next(iter(keys.get("sample interval", [])), "").removeprefix("Analog:")
-        return WaveformTable(
+        return _table(
             separator, _first_row(lines, at + 1), tuple(headings),
             count=_count(length.removeprefix("Analog:")), stated_step_s=number_of(interval),
         )  # fmt: skip

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
@@ -19,7 +19,7 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import is_number, split_cells, split_unit
 from recoil_acquisition.readers.text.recording import text_recording
-from recoil_acquisition.readers.text.text_table import find_block
+from recoil_acquisition.readers.text.table_layout import TableLayout
 from recoil_acquisition.readers.text.time_base import TimeSource
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
@@ -32,35 +32,26 @@ DECLARE = (
     " `unit_row`, `time_column`, `time_unit` as needed"
 )
 
+_TIME_REMEDY = f"export with relative time in seconds, or {DECLARE}"
 _TIME = re.compile(r"(time|zeit|timestamp|date ?/? ?time|date and time|datetime)\s*(\[[^\[\]]*\])?", re.IGNORECASE)
 _OXYGEN = re.compile(r"oxygen|dewetron|\b(?:AI|DI|CNT) \d+/[A-Z]?\d+\b|@POWER/\d", re.IGNORECASE)
 """Names of the program and its maker, and how it names its channels."""
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}([.,]\d{3})")
 
 
-@dataclass(frozen=True)
-class Reading:
+@dataclass(frozen=True, kw_only=True)
+class Reading(TableLayout):
     """One way to read a table's layout.
 
     Attributes
     ----------
     header_row
         Index of its line.
-    first_row
-        Index of the first row of numbers.
-    headings
-        Name and unit of each column.
-    absolute
-        Whether the first column holds stamps.
     rows
         Cells of the first rows.
     """
 
-    separator: str
     header_row: int
-    first_row: int
-    headings: tuple[tuple[str, str], ...]
-    absolute: bool
     rows: tuple[tuple[str, ...], ...]
 
 
@@ -97,7 +88,10 @@ def _reading(lines: Sequence[str], i: int, separator: str, cells: list[str]) -> 
     rows = [tuple(split_cells(line, separator)) for line in lines[first : first + LOOKED_AT] if line.strip()]
     if not rows or not _begins_a_row(rows[0]):
         return None
-    return Reading(separator, i, first, headings, is_wall_clock(rows[0][0]), tuple(rows))
+    time = TimeSource(0, unit_s=TIME_UNITS_S.get(headings[0][1]), remedy=_TIME_REMEDY)
+    if is_wall_clock(rows[0][0]):
+        time = TimeSource(0, parse=parse_wall_clock, remedy=_TIME_REMEDY)
+    return Reading(separator=separator, first_row=first, headings=headings, time=time, header_row=i, rows=tuple(rows))
 
 
 def _begins_a_row(cells: Sequence[str]) -> bool:
@@ -122,7 +116,7 @@ def decimal_mark(reading: Reading, path: Path) -> str:
     ReadError
         If both marks occur, or those that occur may as well group thousands.
     """
-    cells = [cell for row in reading.rows for cell in row[int(reading.absolute) :] if is_number(cell)]
+    cells = [cell for row in reading.rows for cell in row[int(reading.time.parse is not None) :] if is_number(cell)]
     commas = [c for c in cells if "," in c]
     points = [c for c in cells if "." in c]
     if commas and points:
@@ -188,21 +182,12 @@ class OxygenTextReader:
                 expected=f"{len(reading.headings)} cells between {reading.separator!r}", found=f"{width}",
                 remedy=f"export with a decimal point or another separator, or {DECLARE}",
             )  # fmt: skip
-        mark = decimal_mark(reading, path)
-        names = [name for name, _ in reading.headings]
-        start = file.line_start(reading.first_row)
-        block = find_block(file, start, reading.separator, names, decimal_comma=mark == ",")
-        metadata = {"preamble": lines[: reading.header_row], "header": lines[reading.header_row]}
-        return text_recording(self.name, block, declared.clock, reading.headings, self._time(reading, path), metadata)
-
-    def _time(self, reading: Reading, path: Path) -> TimeSource:
-        remedy = f"export with relative time in seconds, or {DECLARE}"
-        if reading.absolute:
-            return TimeSource(0, parse=parse_wall_clock, remedy=remedy)
-        unit = reading.headings[0][1]
-        if unit not in TIME_UNITS_S:
+        reading = replace(reading, decimal_comma=decimal_mark(reading, path) == ",")
+        block = reading.block(file)
+        if reading.time.parse is None and reading.time.unit_s is None:
             raise ReadError(
                 "the unit of the time column is unknown", path=path, place=f"line {reading.header_row + 1}",
-                expected="`Time [s]`, or s, ms, us, ns, min or h in a row of units", found=repr(unit), remedy=remedy,
+                expected="`Time [s]`, or s, ms, us, ns, min or h in a row of units",
+                found=repr(reading.headings[0][1]), remedy=_TIME_REMEDY,
             )  # fmt: skip
-        return TimeSource(0, unit_s=TIME_UNITS_S[unit], remedy=remedy)
+        return text_recording(self.name, block, reading, declared.clock, reading.head(lines))

@@ -14,6 +14,7 @@ from recoil_acquisition.readers.overload import about_overload
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.text.cells import is_number, unique_names
 from recoil_acquisition.readers.text.column_store import ColumnStore
+from recoil_acquisition.readers.text.table_layout import TableLayout
 from recoil_acquisition.readers.text.text_table import TextBlock
 from recoil_acquisition.readers.text.time_base import TimeSource, time_base
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
@@ -27,12 +28,10 @@ _SAME = 1e-6
 def text_recording(
     reader: str,
     block: TextBlock,
+    layout: TableLayout,
     clock: str,
-    headings: Sequence[tuple[str, str]],
-    time: TimeSource,
     metadata: Mapping[str, Any],
     *,
-    text_columns: Sequence[int] = (),
     notes: Sequence[Remark] = (),
     declared: Mapping[str, Any] = MappingProxyType({}),
 ) -> Recording:
@@ -43,19 +42,16 @@ def text_recording(
     reader
         Name of the reader.
     block
-        Block of the numbers.
+        Block of the numbers, `TableLayout.block` of a file.
     clock
         Name of the source.
-    headings
-        Name and unit of every column of the block.
-    text_columns
-        Columns that hold no numbers; they are left out, as is the column of time.
     notes
         Notes that the reader has already.
     declared
         Declarations of the rig on the table, which the metadata give behind how it is written.
     """
-    left_out = {time.column, *text_columns, *same_times(block, headings, time)}
+    headings, time = layout.headings, layout.time
+    left_out = {time.column, *layout.text_columns, *same_times(block, headings, time)}
     own = [i for i in range(len(headings)) if i not in left_out]
     stamps = None if time.parse is None else Stamps(time.parse)
     columns = ColumnStore(
@@ -112,9 +108,10 @@ def column_recording(
     notes = (*notes, *about_text_columns([name for name, _ in headings], of_text))
     names, repeated = unique_names([headings[i][0] or f"column {i + 1}" for i in at])
     table = _Table(columns, clock, time, stamps, dict(zip(names, at, strict=True)))
+    count = block.row_count
     channels = [
         StoredChannel(
-            SignalHeader(name, headings[i][1], block.row_count),
+            SignalHeader(name, headings[i][1], count),
             table.instants,
             partial(table.columns.column, i),
             overloads=partial(table.overloads, i),

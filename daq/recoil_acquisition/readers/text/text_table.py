@@ -212,10 +212,11 @@ def _width(row: bytes, separator: str) -> int:
 
 def _text_columns(block: TextBlock) -> dict[int, str]:
     """Find the columns that hold text and no number in the first and the last rows."""
-    written, rows = block.format, block.some_cells()
+    written = block.format
+    rows = [row for row in block.some_cells() if len(row) == written.width]
     found = {}
     for i in range(len(written.columns)):
-        cells = [row[i] for row in rows if len(row) == written.width and row[i] not in written.missing]
+        cells = [row[i] for row in rows if row[i] not in written.missing]
         texts = [cell for cell in cells if not is_lost(cell)]
         if texts and not any(is_number(cell) or groups_thousands(cell) for cell in texts):
             found[i] = texts[0]

@@ -7,7 +7,16 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import probability_text
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
-from recoil_identification.report.figure import TIME, ZERO, Figure, HorizontalLine, Panel, Span, Trace, with_interval
+from recoil_identification.report.figure.figure import (
+    TIME,
+    ZERO,
+    Figure,
+    HorizontalLine,
+    Panel,
+    Span,
+    Trace,
+    with_interval,
+)
 from recoil_identification.targets.arx.choice import OrderTable
 from recoil_identification.targets.arx.decimated_record import DecimatedRecord
 from recoil_identification.targets.arx.model import ArxModel

@@ -12,7 +12,7 @@ from recoil_identification.targets.arx.mass import GainMass
 from recoil_identification.targets.arx.model import ArxModel, ArxOrders
 from recoil_identification.targets.arx.residual_tests import ResidualTest
 from recoil_identification.targets.arx.response import poles, zeros
-from recoil_identification.targets.finding import Table
+from recoil_identification.targets.target_result import Table
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_identification.estimate.mass import MassEstimate
 from recoil_identification.estimate.rounding import rounded, significant
-from recoil_identification.report.report_files import stated
+from recoil_identification.report.document.report_files import stated
 from recoil_identification.targets.arx.choice import choose_model, order_grid
 from recoil_identification.targets.arx.decimated_record import decimated, force_noise_n
 from recoil_identification.targets.arx.figures import frequency_figure, order_figure, output_figure, residual_figure
@@ -17,8 +17,8 @@ from recoil_identification.targets.arx.mass import mass_of_gain, noise_attenuati
 from recoil_identification.targets.arx.model import ArxOrders, fit_percent, residuals, robust_covariance, simulate
 from recoil_identification.targets.arx.tables import order_rows, parameter_rows, pole_rows, quality_rows
 from recoil_identification.targets.arx.verdict import notes_on_model, reasons_against_model
-from recoil_identification.targets.finding import Finding, Quantity, Series
 from recoil_identification.targets.target import Case
+from recoil_identification.targets.target_result import Quantity, Series, TargetResult
 
 GRID = order_grid(range(5), range(5), range(3))
 """Orders that are tried."""
@@ -29,7 +29,7 @@ ORDERS_MARGIN = 6.0
 Raftery)."""
 
 
-def find(case: Case) -> Finding:
+def find(case: Case) -> TargetResult:
     """Identify the transfer function from force F' to acceleration a' of one shot.
 
     Both signals pass the shot's low-pass and are decimated to the rate at which they carry errors of their
@@ -61,7 +61,7 @@ def find(case: Case) -> Finding:
     fit = fit_percent(record.acceleration_m_s2, simulated, record.rows)
     errors = np.where(record.rows, residuals(model, record.force_n, record.acceleration_m_s2), np.nan)
     covariance = robust_covariance(model, record.force_n, record.acceleration_m_s2, rows=choice.table.rows)
-    return Finding(
+    return TargetResult(
         target="arx",
         title="Transfer function from force to acceleration",
         summary=(

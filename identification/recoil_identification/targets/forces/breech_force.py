@@ -2,7 +2,7 @@
 
 ``P = m3 a' + R_f``: the specification mass, the accelerometer and the camera, and the resistance by the gauges of brake
 and recuperator. Two methods that share the measurements and the model of what rings, but not what they suppose of the
-force: Kalman input estimation (`recoil_identification.targets.forces.force_input`), and regularised inversion with
+force: Kalman input estimation (`recoil_identification.targets.forces.input_estimate`), and regularised inversion with
 cross-validation (`recoil_identification.targets.forces.force_inversion`). Where there is a breech gauge, both are
 compared with it.
 """
@@ -19,12 +19,12 @@ from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.rounding import in_unit, rounded, significant
-from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.forces.figures import force_figures
 from recoil_identification.targets.forces.force_peak import ForcePeak, find_peak
 from recoil_identification.targets.forces.force_record import force_record
 from recoil_identification.targets.forces.motion_force import MotionForce, estimate_motion_force
 from recoil_identification.targets.target import Case
+from recoil_identification.targets.target_result import Quantity, Series, Table, TargetResult
 from recoil_processing.shot.verdict.mass_reasons import doubts_of
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.shots.assumptions import CARRIAGE_ROLES
@@ -55,7 +55,7 @@ class _Compared(NamedTuple):
     time: _Stated
 
 
-def find(case: Case) -> Finding:
+def find(case: Case) -> TargetResult:
     """Identify the breech force over time, its peak and its impulse, without the breech gauge.
 
     Raises
@@ -70,7 +70,7 @@ def find(case: Case) -> Finding:
     kalman, inverted, gauge = _by_kalman(found, peak), _by_inversion(found, peak), _by_gauge(found)
     quantities, differences = _quantities(kalman, inverted, gauge, m), _differences(found, peak, kalman, gauge)
     end_s = float(found.times_s[-1])
-    return Finding(
+    return TargetResult(
         target="breech-force",
         title="Breech force from the motion",
         summary=worded(

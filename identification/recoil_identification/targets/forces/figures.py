@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
-from recoil_identification.report.figure import TIME, ZERO, Figure, Panel, Span, Trace, with_interval
+from recoil_identification.report.figure.figure import TIME, ZERO, Figure, Panel, Span, Trace, with_interval
 from recoil_identification.targets.forces.force_peak import ForcePeak
 from recoil_identification.targets.forces.motion_force import MotionForce
 

@@ -4,8 +4,8 @@ The force is a cubic spline that is zero until the release, the smoothest in the
 explains the rows (see `recoil_identification.targets.forces.regularised_inversion` beside this): the accelerometer
 shows the force itself, the camera its double integral. Cross-validation needs rows with independent errors, but what
 rings is the most regular error of all. So the accelerometer's rows are whitened by the covariance of noise and stress
-waves together, which `recoil_identification.targets.forces.force_input` has found; how smooth the force is, is decided
-here anew and by another principle.
+waves together, which `recoil_identification.targets.forces.input_estimate` has found; how smooth the force is, is
+decided here anew and by another principle.
 
 A force that rises in two milliseconds and falls in twenty is not equally smooth throughout. A first, stiff solution
 tells where it bends, and the second one is allowed to bend there in proportion (F. Abramovich, D. M. Steinberg,

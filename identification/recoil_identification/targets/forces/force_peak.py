@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.targets.forces.force_input import InputEstimate
+from recoil_identification.targets.forces.input_estimate import InputEstimate
 
 Array = NDArray[np.float64]
 

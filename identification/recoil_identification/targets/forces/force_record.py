@@ -21,7 +21,7 @@ from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.rows.causes import Cause, moving_zero, u_delay_s
 from recoil_identification.rows.late_readings import ROLE as BREECH
 from recoil_identification.rows.late_readings import settled_by_late_readings
-from recoil_identification.rows.unread_forces import FORCE, SHARE
+from recoil_identification.rows.unread_resistance import FORCE, SHARE
 from recoil_identification.shot.stress_waves import U_ONSET_SAMPLES
 from recoil_identification.targets.forces.measured_force import U_FREE_CLOCK_S, MeasuredForce, TrackedTravel
 from recoil_processing.double_integral import integrate

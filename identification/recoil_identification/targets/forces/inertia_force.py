@@ -11,8 +11,7 @@ from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.rounding import significant
-from recoil_identification.report.figure import TIME, Figure, Panel, Span, Trace
-from recoil_identification.targets.finding import Finding, Quantity, Series, Table
+from recoil_identification.report.figure.figure import TIME, Figure, Panel, Span, Trace
 from recoil_identification.targets.parameters.base_parameters import BaseParameters
 from recoil_identification.targets.parameters.inertia_forces import (
     FORCES,
@@ -31,6 +30,7 @@ from recoil_identification.targets.parameters.recorded_rows import mechanism_row
 from recoil_identification.targets.parameters.sensor_errors import RELEASED
 from recoil_identification.targets.parameters.target import camera_observation, require_motion, without_lines
 from recoil_identification.targets.target import Case
+from recoil_identification.targets.target_result import Quantity, Series, Table, TargetResult
 from recoil_processing.filters import ROWS_PER_CUTOFF
 from recoil_rigs.shots.fired_shot import FiredShot
 
@@ -63,7 +63,7 @@ TITLES = {
 MECHANISM_SYMBOLS = ("m2", "s2", "d2", "J2")
 
 
-def find(case: Case) -> Finding:
+def find(case: Case) -> TargetResult:
     """Evaluate the inertia forces of a shot.
 
     Raises
@@ -138,7 +138,7 @@ def find(case: Case) -> Finding:
         ),
         *(_quantity(name, UNITS[k], peaks[name]) for k, name in enumerate(FORCES)),
     ]  # fmt: skip
-    return Finding(
+    return TargetResult(
         target="inertia-force",
         title="Inertia forces of the recoiling part and of the mechanism",
         summary=(

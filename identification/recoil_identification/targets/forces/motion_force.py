@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.targets.forces.force_input import InputEstimate, estimate_input
 from recoil_identification.targets.forces.force_inversion import InvertedForce, invert_force
 from recoil_identification.targets.forces.force_record import ForceRecord
+from recoil_identification.targets.forces.input_estimate import InputEstimate, estimate_input
 
 Array = NDArray[np.float64]
 

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.estimate.rounding import rounded, significant
-from recoil_identification.report.figure import TIME, Figure, HorizontalLine, Panel, Trace
-from recoil_identification.targets.finding import Table
+from recoil_identification.report.figure.figure import TIME, Figure, HorizontalLine, Panel, Trace
 from recoil_identification.targets.parameters.base_parameters import BaseParameters
 from recoil_identification.targets.parameters.mechanism_fit import LARGEST_U, MechanismFit, natural_scales
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
+from recoil_identification.targets.target_result import Table
 from recoil_processing.shot.error_source import SourceKind
 from recoil_rigs.mechanism.mechanism_regressor import EQUATIONS, PARAMETER_UNITS, PARAMETERS, standard_parameters
 from recoil_rigs.mechanism.model import Mechanism

@@ -13,7 +13,6 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.rounding import significant
 from recoil_identification.inference.unknown import Prior
-from recoil_identification.targets.finding import Finding, Quantity
 from recoil_identification.targets.parameters.load_cells import LOAD_CELLS, lost_equations, measured_loads
 from recoil_identification.targets.parameters.mechanism_fit import (
     LARGEST_U,
@@ -33,6 +32,7 @@ from recoil_identification.targets.parameters.tables import (
     table_of_errors,
 )
 from recoil_identification.targets.target import Case
+from recoil_identification.targets.target_result import Quantity, TargetResult
 from recoil_processing.shot.camera_motion import motion_fit
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.mechanism.mechanism_regressor import EQUATIONS, LOADS, PARAMETER_UNITS, PARAMETERS
@@ -54,7 +54,7 @@ ROLES = (
 PURPOSE = "masses and inertias from the equations of motion"
 
 
-def find(case: Case) -> Finding:
+def find(case: Case) -> TargetResult:
     """Identify what the equations of motion tell of the three bodies.
 
     Raises
@@ -80,7 +80,7 @@ def find(case: Case) -> Finding:
     if silent:
         text = f"not identified: {', '.join(silent)}; each with its reason in the table."
         notes.append(Note(NoteCode.NOT_IDENTIFIED, None, text))
-    return Finding(
+    return TargetResult(
         target="parameters",
         title="Masses, first moments and inertias",
         summary=summary,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
-from recoil_identification.report.figure import TIME, ZERO, Figure, Panel, Trace, with_interval
+from recoil_identification.report.figure.figure import TIME, ZERO, Figure, Panel, Trace, with_interval
 from recoil_identification.targets.resistance.resistance_comparison import ResistanceOverTime
 from recoil_identification.targets.resistance.resistance_fit import FittedBrake
 from recoil_identification.targets.resistance.resistance_record import ResistanceRecord

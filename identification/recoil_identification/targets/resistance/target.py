@@ -19,9 +19,8 @@ from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.rounding import in_unit, rounded, significant
-from recoil_identification.rows.unread_forces import FORCE as UNREAD_FORCE
+from recoil_identification.rows.unread_resistance import FORCE as UNREAD_FORCE
 from recoil_identification.shot.identified import Identification
-from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.resistance.figures import resistance_figures
 from recoil_identification.targets.resistance.packing_friction import Friction, packing_friction
 from recoil_identification.targets.resistance.resistance_comparison import ResistanceOverTime, resistance_over_time
@@ -35,6 +34,7 @@ from recoil_identification.targets.resistance.shot_balance import (
     momentum_balance,
 )
 from recoil_identification.targets.target import Case
+from recoil_identification.targets.target_result import Quantity, Series, Table, TargetResult
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_rigs.mechanism.model import Mechanism
@@ -59,7 +59,7 @@ class _Parts:
     drawn: ResistanceOverTime
 
 
-def find(case: Case) -> Finding:
+def find(case: Case) -> TargetResult:
     """Identify the law of the recoil resistance of one shot, and check its energy and momentum.
 
     Raises
@@ -75,7 +75,7 @@ def find(case: Case) -> Finding:
     parts = _parts(case, found)
     points = _points(parts)
     quantities = _quantities(parts, points, m)
-    return Finding(
+    return TargetResult(
         target="resistance",
         title="Law of the recoil resistance",
         summary=(

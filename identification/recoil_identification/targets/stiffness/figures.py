@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
-from recoil_identification.report.figure import TIME, Figure, HorizontalLine, Panel, Span, Trace, with_interval
+from recoil_identification.report.figure.figure import TIME, Figure, HorizontalLine, Panel, Span, Trace, with_interval
 from recoil_identification.targets.stiffness.carriage_record import CarriageRecord
 from recoil_identification.targets.stiffness.restoring_force import RestoringTrace
 from recoil_identification.targets.stiffness.stiffness_budget import SYMBOLS, SupportEstimates

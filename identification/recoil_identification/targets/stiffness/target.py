@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.rounding import MINUS, in_unit, significant
-from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.stiffness.carriage_record import MOTION_ROLES, CarriageRecord, carriage_record
 from recoil_identification.targets.stiffness.figures import stiffness_figures
 from recoil_identification.targets.stiffness.restoring_force import RestoringTrace
@@ -25,6 +24,7 @@ from recoil_identification.targets.stiffness.support_modes import DERIVED, OF_BO
 from recoil_identification.targets.stiffness.support_traces import LARGEST_RELATIVE_U, noise_shares, trace_supports
 from recoil_identification.targets.stiffness.supports import PARAMETERS, SUPPORT_NAMES, Assumptions, supports_of
 from recoil_identification.targets.target import Case
+from recoil_identification.targets.target_result import Quantity, Series, Table, TargetResult
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import Signals
 from recoil_processing.shot.verdict.mass_reasons import doubts_of
@@ -58,7 +58,7 @@ NAMES = {
 """Symbol -> name and unit."""
 
 
-def find(case: Case) -> Finding:
+def find(case: Case) -> TargetResult:
     """Identify stiffness and damping of the supports of one shot.
 
     Raises
@@ -78,7 +78,7 @@ def find(case: Case) -> Finding:
     traces = trace_supports(record, noisy, mechanism, found, WINDOW_S)
     supports = supports_of(record, mechanism, Assumptions())
     names = ", ".join(SUPPORT_NAMES.values())
-    return Finding(
+    return TargetResult(
         target="stiffness",
         title="Stiffness and damping of elevating gear and ground",
         summary=(

@@ -18,7 +18,7 @@ from recoil_processing.alignment.channel_skew import Skew, measure_skew
 from recoil_processing.double_integral import DoubleIntegral, integrate
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
-from recoil_processing.quality.force_checks import check_braking, check_force_sign, check_impulse, check_skew
+from recoil_processing.quality.balance_checks import check_braking, check_force_sign, check_impulse, check_skew
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.quality.motion_checks import check_rest_to_rest, check_velocity, velocity_error

@@ -30,7 +30,7 @@ from recoil_processing.shot.verdict.camera_quality import (
     rest_after,
 )
 from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, check_channel
-from recoil_processing.shot.verdict.influence import weighed
+from recoil_processing.shot.verdict.consequence import weighed
 from recoil_processing.shot.verdict.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.fired_shot import FiredShot

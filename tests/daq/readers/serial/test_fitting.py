@@ -16,7 +16,7 @@ from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.scan import find_frames
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.serial import fitting
-from recoil_acquisition.readers.serial.fitting import fitting_framing
+from recoil_acquisition.readers.serial.fitting import fitting_framings
 from recoil_acquisition.readers.table import BY_LAYOUT
 from recoil_daq.recording.ingest import explained_reader_of
 from tests.builders.serial_packets import witmotion_frame
@@ -55,8 +55,7 @@ WIT = b"".join(witmotion_frame(0x51 + i % 3, i, -i, 2 * i, 100) for i in range(6
     ids=["vectornav", "vectornav after text", "witmotion", "lines"],
 )
 def test_the_framing_that_fits_is_found_with_its_parameters(stream: bytes, table: dict[str, Any]) -> None:
-    found = fitting_framing(stream)
-    assert found is not None
+    found, *_ = fitting_framings(stream)
     assert found.table == table
     assert found.frames == find_frames(framing_from_table(table), stream).begins.size
     assert tomllib.loads(str(found)) == {"framing": table}
@@ -74,8 +73,7 @@ def test_the_framing_that_fits_is_found_with_its_parameters(stream: bytes, table
     ],
 )
 def test_real_logs_are_told_with_their_frames(name: str, frames: int, table: dict[str, Any]) -> None:
-    found = fitting_framing(shared_file(f"serial/{name}").read_bytes())
-    assert found is not None
+    found, *_ = fitting_framings(shared_file(f"serial/{name}").read_bytes())
     assert (found.frames, found.table, found.where) == (frames, table, "")
 
 
@@ -93,24 +91,21 @@ def test_real_logs_are_told_with_their_frames(name: str, frames: int, table: dic
     ids=["nothing", "noise", "too few", "a table with names", "a row of words", "sync bytes alone", "zeros"],
 )
 def test_what_is_no_stream_of_a_port_is_not_guessed(stream: bytes) -> None:
-    assert fitting_framing(stream) is None
+    assert fitting_framings(stream) == ()
 
 
 def test_damaged_frames_are_counted_beside_the_good_ones() -> None:
     damaged = bytearray(WIT)
     damaged[11 * 7 + 3] ^= 0x10
     damaged[11 * 30 + 5] ^= 0x01
-    found = fitting_framing(bytes(damaged))
-    assert found is not None
+    found, *_ = fitting_framings(bytes(damaged))
     assert (found.frames, found.bad >= 2) == (58, True)
-    assert found.good == found.frames / (found.frames + found.bad)
     assert found.found.startswith(f"58 good frames of witmotion, {found.bad} with a wrong checksum")
 
 
 def test_of_a_long_file_the_first_part_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fitting, "MOST_BYTES", 1 << 18)
-    found = fitting_framing(WIT * 500)
-    assert found is not None
+    found, *_ = fitting_framings(WIT * 500)
     assert found.found == f"{(1 << 18) // 11:,} good frames of witmotion in the first 0.25 MB"
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.report.drawing import drawing
+from recoil_identification.report.figure.drawing import drawing
 from recoil_identification.targets import target_function
 from recoil_identification.targets.arx.target import find
-from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
+from recoil_identification.targets.target_result import TargetResult
 from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
@@ -18,7 +18,7 @@ SHOTS = [("field-2013", 3), ("mixed", 3)]
 
 
 @cache
-def found(name: str = "field-2013", seed: int = 3) -> Finding:
+def found(name: str = "field-2013", seed: int = 3) -> TargetResult:
     virtual = virtual_shot(name, seed)
     return find(Case(FiredShot(virtual.shot, virtual.rig)))
 

@@ -9,9 +9,9 @@ import pytest
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Check, QualityCheck
 from recoil_identification.targets import target_function
-from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.forces.force_record import force_record
 from recoil_identification.targets.target import Case
+from recoil_identification.targets.target_result import TargetResult
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import draw_scene
 from tests.builders.virtual_shots import VirtualShot, virtual_shot, without_channels
@@ -20,7 +20,7 @@ RIGS = ("field-2013", "mixed")
 
 
 @cache
-def found(name: str) -> tuple[VirtualShot, Finding]:
+def found(name: str) -> tuple[VirtualShot, TargetResult]:
     virtual = virtual_shot(name)
     return virtual, target_function("breech-force")(Case(FiredShot(virtual.shot, virtual.rig)))
 

@@ -8,8 +8,8 @@ import pytest
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.targets import target_function
-from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
+from recoil_identification.targets.target_result import TargetResult
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import read_settings
 from tests.builders.virtual_shots import VirtualShot, virtual_shot, without_channels
@@ -18,12 +18,12 @@ RIGS = ("field-2013", "mixed")
 
 
 @cache
-def found(name: str) -> tuple[VirtualShot, Finding]:
+def found(name: str) -> tuple[VirtualShot, TargetResult]:
     virtual = virtual_shot(name)
     return virtual, target_function("resistance")(Case(FiredShot(virtual.shot, virtual.rig)))
 
 
-def holds(finding: Finding, symbol: str, truth: float, widen: float = 1.5) -> bool:
+def holds(finding: TargetResult, symbol: str, truth: float, widen: float = 1.5) -> bool:
     """Whether the interval, half as wide again because one shot is one draw, holds the truth."""
     quantity = finding.quantity(symbol)
     return abs(quantity.value - truth) < widen * 1.96 * quantity.u

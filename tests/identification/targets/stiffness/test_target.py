@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.stiffness.restoring_force import RestoringFit
 from recoil_identification.targets.stiffness.stiffness_budget import SYMBOLS, SupportEstimates
 from recoil_identification.targets.stiffness.support_filter import Band
@@ -17,6 +16,7 @@ from recoil_identification.targets.stiffness.support_modes import DERIVED, deriv
 from recoil_identification.targets.stiffness.supports import PARAMETERS
 from recoil_identification.targets.stiffness.target import NAMES, find, judge
 from recoil_identification.targets.target import Case
+from recoil_identification.targets.target_result import TargetResult
 from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
@@ -24,10 +24,10 @@ TRUE = dict(zip(SYMBOLS, (2e6, 2.5e4, 3e7, 2e5, 0.25, 3e7, 2e5, 3e7, 2e5), stric
 COVERED = 3.0
 """Standard uncertainties within which each of many quantities must lie: one of 400 is beyond by chance."""
 
-_FOUND: dict[tuple[str, float], Finding] = {}
+_FOUND: dict[tuple[str, float], TargetResult] = {}
 
 
-def found(name: str, factor: float = 1.0) -> Finding:
+def found(name: str, factor: float = 1.0) -> TargetResult:
     """Identify a virtual shot of a rigid tube whose elevating gear is stiffer by a factor, once."""
     if (name, factor) not in _FOUND:
         changes = {} if factor == 1.0 else {"elevating_stiffness_n_m_rad": factor * TRUE["k_elevating"]}

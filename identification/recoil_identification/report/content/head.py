@@ -1,0 +1,266 @@
+"""The head of a document: verdict, number and reasons, and what belongs to them, as page and paper both show it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from recoil_acquisition.measured import worded
+from recoil_identification.estimate.rounding import NO_NUMBER
+from recoil_identification.report.content import campaign_tables, sentences, tables
+from recoil_identification.report.content.chosen_units import ChosenUnits
+from recoil_rigs.tables.calibration_day import calibrations_in_words
+
+Document = Mapping[str, Any]
+Tone = Literal["ok", "doubt", "bad"]
+IDENTITY = ("laboratory", "customer", "order", "number", "issue", "approval", "remark")
+"""Keys of the identity of a document, in the order in which they are read."""
+PEAKS = "Peaks"
+"""Title of the facts that stand with the verdict."""
+Facts = tuple[tuple[str, str], ...]
+"""Label and text of each."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A number that stands beside the result.
+
+    Attributes
+    ----------
+    label, text
+        Name and number with its unit.
+    agrees
+        Whether it agrees with what it is compared with; None where it says nothing of that, or nobody should go by it.
+    words
+        Words for a number that agrees, and for one that does not.
+    """
+
+    label: str
+    text: str
+    agrees: bool | None = None
+    words: tuple[str, str] = ("agrees", "deviates")
+
+
+@dataclass(frozen=True)
+class Listed:
+    """A list of sentences under the verdict.
+
+    Attributes
+    ----------
+    title
+        Heading of the list.
+    folded
+        Whether a page shows the list when it is asked for.
+    """
+
+    title: str
+    items: tuple[str, ...]
+    folded: bool = False
+
+
+@dataclass(frozen=True)
+class Head:
+    """The head of a document.
+
+    Attributes
+    ----------
+    of
+        Name of what the document is of.
+    rig, when
+        Rig, and date and time; empty where nothing tells.
+    tone, stamp
+        Colour and words of the verdict.
+    result
+        Number with its spread, or the title of what has none.
+    unit
+        Unit of the number; empty where there is none.
+    words
+        Sentences beside the verdict.
+    reasons, changes
+        Reasons against the result, and changes that do not speak against it.
+    measures
+        Numbers beside the result.
+    groups
+        Further facts: title, and labels with texts.
+    lists
+        Lists of sentences.
+    identity
+        Identity of the document: who issues it, for whom, under which number.
+    logo
+        Picture of who issues it, as ``data:``; empty where there is none.
+    concession
+        Sentence on who accepts the result all the same, and why; empty where nobody does.
+    """
+
+    of: str
+    rig: str
+    when: str
+    tone: Tone
+    stamp: str
+    result: str
+    unit: str = ""
+    words: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()
+    changes: tuple[str, ...] = ()
+    measures: tuple[Measure, ...] = ()
+    groups: tuple[tuple[str, Facts], ...] = ()
+    lists: tuple[Listed, ...] = ()
+    identity: Facts = ()
+    logo: str = ""
+    concession: str = ""
+
+    @property
+    def has_small_print(self) -> bool:
+        """Whether anything stands behind the verdict beside the peaks."""
+        return any(facts for title, facts in self.groups if title != PEAKS) or any(one.items for one in self.lists)
+
+    @property
+    def valid(self) -> bool:
+        """Whether nothing speaks against the result."""
+        return self.tone != "bad"
+
+    @property
+    def whole(self) -> str:
+        """The result with its unit."""
+        return f"{self.result} {self.unit}".rstrip()
+
+
+def head_of(document: Document) -> Head:
+    """Return the head of a shot's report, of a target's document or of a campaign's answer, by what it is."""
+    if "target" in document:
+        head = _of_target(document)
+    else:
+        head = _of_campaign(document) if "shots" in document else _of_shot(document)
+    issued, units = document.get("issued") or {}, ChosenUnits.of(document)
+    return replace(
+        head,
+        words=tuple(map(units.text, head.words)),
+        reasons=tuple(map(units.text, head.reasons)),
+        changes=tuple(map(units.text, head.changes)),
+        groups=tuple(
+            (title, tuple((label, units.text(text)) for label, text in facts)) for title, facts in head.groups
+        ),
+        lists=tuple(replace(one, items=tuple(map(units.text, one.items))) for one in head.lists),
+        identity=tuple((key, str(issued[key])) for key in IDENTITY if issued.get(key)),
+        logo=str(issued.get("logo") or ""),
+        concession=str(issued.get("concession") or ""),
+    )
+
+
+def _conformity(document: Document, *, valid: bool) -> tuple[tuple[Measure, ...], Facts]:
+    """Return the probability of conformity, as a number beside the result and in words."""
+    found = tables.conformity(document)
+    if found is None:
+        return (), ()
+    label, words = f"probability of conformity ({found['tolerance']})", ("conforms", "does not conform")
+    measure = Measure(label, found["probability"], found["conforms"] if valid else None, words)
+    return (measure,), (("conformity", found["words"]),)
+
+
+def _of_shot(report: Document) -> Head:
+    verdict, mass = tables.verdict(report), report["mass"]
+    valid, unit = verdict["valid"], verdict["unit"]
+    number = f"{verdict['mass']} {verdict['spread'] or ''}".rstrip() if verdict["number"] else "no number"
+    factor = f" (k = {verdict['coverage_factor']}, U = {verdict['expanded']})" if verdict["coverage_factor"] else ""
+    budget = tables.budget_total(report)
+    probability, conformity = _conformity(report, valid=valid)
+    given = [
+        ("specification", verdict["specification"] and f"{verdict['specification']} {unit}", None),
+        ("deviation from the specification", verdict["off"], None),
+        ("E_n to the specification (k = 2)", verdict["e_n"], verdict["agrees"] if valid else None),
+        ("relative percentage error (RPE)", verdict["rpe"] and f"{verdict['rpe']} %", None),
+    ]
+    details = [
+        (f"95 % coverage interval{factor}", verdict["interval"]),
+        ("standard uncertainty u", budget and mass.get("u") and f"{budget['u']} {unit}"),
+        ("RPE, 95 % coverage interval", verdict["rpe_interval"]),
+    ]
+    notes = [*(report.get("notes") or ()), *([verdict["rpe_meaning"]] if verdict["rpe_meaning"] else ())]
+    assumed, dated = sentences.assumed(report), _dated(report)
+    against = list(report.get("reasons") or ()) or ([] if valid else ["No reason was given."])
+    return Head(
+        of=f"Shot {report['shot']}",
+        rig=str(report["rig"]),
+        when=str(report.get("started") or "").replace("T", " "),
+        tone="bad" if not valid else "doubt" if verdict["deviation"] or dated else "ok",
+        stamp="VALID" if valid else "NOT VALID",
+        result=number,
+        unit=unit if verdict["number"] else "",
+        words=(*_measurand(report), sentences.in_words(report)),
+        reasons=(*([f"Valid, {verdict['deviation']}."] if verdict["deviation"] else ()), *against, *dated),
+        measures=(*(Measure(label, text, agrees) for label, text, agrees in given if text), *probability),
+        groups=(
+            (PEAKS, tuple(tables.peaks(report))),
+            ("The shot", (*((label, text) for label, text in details if text), *conformity, *tables.facts(report))),
+        ),
+        lists=(Listed("Notes", (*notes, *([worded("Assumed: ", assumed, ".")] if assumed else ()))),),
+    )
+
+
+def _of_target(document: Document) -> Head:
+    dated = _dated(document)
+    return Head(
+        of=f"Shot {document['shot']}",
+        rig=str(document["rig"]),
+        when=str(document.get("started") or "").replace("T", " "),
+        tone="bad" if not document["valid"] else "doubt" if dated else "ok",
+        stamp="VALID" if document["valid"] else "NOT VALID",
+        result=str(document["title"]),
+        words=(document["summary"],),
+        reasons=(*document["reasons"], *dated),
+        lists=(Listed("Notes", tuple(document["notes"])),),
+    )
+
+
+def _of_campaign(document: Document) -> Head:
+    verdict, dated = campaign_tables.verdict(document), _dated(document)
+    unit, valid = verdict["unit"], verdict["valid"]
+    probability, conformity = _conformity(document, valid=valid)
+    given = [
+        ("standard uncertainty", f"{verdict['u']} {unit}", None),
+        ("specification, nothing added", verdict["specification"] and f"{verdict['specification']} {unit}", None),
+        ("deviation from the specification", verdict["deviation"], None),
+        ("E_n to the specification (k = 2)", verdict["e_n"], verdict["agrees"] if valid else None),
+        ("shots", verdict["shots"], None),
+        ("from shot to shot", verdict["between"] != NO_NUMBER and f"{verdict['between']} {unit}", None),
+    ]
+    charted = tuple(campaign_tables.charted(document))
+    looks = f"Looks that the control charts ask for ({len(charted)}); they say nothing against the mass"
+    told = (campaign_tables.unchanged, campaign_tables.agreement, campaign_tables.constancy)
+    words = (*_measurand(document), *(one(document) for one in told))
+    return Head(
+        of="Campaign",
+        rig=str(document["rig"]),
+        when=f"{verdict['shots']} shots",
+        tone="bad" if not valid else "doubt" if dated else "ok",
+        stamp="VALID" if valid else "NOT VALID",
+        result=f"{verdict['mass']} {verdict['spread']}",
+        unit=unit,
+        words=tuple(word for word in words if word),
+        reasons=(*document["reasons"], *dated),
+        changes=tuple(campaign_tables.changed(document)),
+        measures=(*(Measure(label, text, agrees) for label, text, agrees in given if text), *probability),
+        groups=(
+            (
+                "The campaign",
+                (
+                    (f"95 % coverage interval (k = {verdict['coverage_factor']})", verdict["interval"]),
+                    *conformity,
+                    *campaign_tables.facts(document),
+                ),
+            ),
+        ),
+        lists=(Listed(looks, charted, folded=True),),
+    )
+
+
+def _dated(document: Document) -> tuple[str, ...]:
+    """Say that calibrations do not cover the day of the shot; nothing if all do."""
+    said = calibrations_in_words(document)
+    return (f"{said[0].upper()}{said[1:]}.",) if said else ()
+
+
+def _measurand(document: Document) -> tuple[str, ...]:
+    """Say what mass it is; nothing where an earlier document does not."""
+    return (f"It is {document['measurand']}.",) if document.get("measurand") else ()

@@ -1,0 +1,1 @@
+"""The page in a browser, which needs no network: its HTML, styles and scripts."""

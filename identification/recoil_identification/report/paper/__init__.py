@@ -1,0 +1,1 @@
+"""The paper copy, typeset: PDF, and figures as pictures."""

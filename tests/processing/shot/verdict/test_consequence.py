@@ -1,0 +1,113 @@
+"""A failed check decides by what it can do to the mass, and a noisy channel is never worse than a missing one."""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from recoil_acquisition.shot import Check, QualityCheck, Shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
+from recoil_processing.shot.verdict.consequence import LEAST_CONSEQUENCE, least_u_rel, weighed
+from recoil_processing.shot.verdict.motion_quality import recoil_of
+from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
+from tests.builders.virtual_shots import VirtualShot, identified, virtual_shot
+
+ON = CalibrationDay(dt.date(2026, 6, 1), DayOf.START)
+
+
+def with_noise(virtual: VirtualShot, role: str, factor: float) -> Shot:
+    """Add noise to a channel, so many times its own, and judge the shot anew."""
+    channel = virtual.shot.by_role(role)
+    assert channel is not None
+    own = float(np.nanstd(channel.samples[:200]))
+    noise = factor * own * np.random.default_rng(1).standard_normal(channel.samples.size)
+    channels = {**virtual.shot.channels, channel.name: replace(channel, samples=channel.samples + noise)}
+    shot = replace(virtual.shot, channels=channels)
+    return replace(shot, quality=check_shot(FiredShot(shot, virtual.rig), shot.alignments, {}, ON))
+
+
+def found_by(shot: Shot, virtual: VirtualShot) -> Identification:
+    return identify_shot(FiredShot(shot, virtual.rig), Options())
+
+
+def check_of(shot: Shot, role: str, check: Check) -> QualityCheck:
+    channel = shot.by_role(role)
+    assert channel is not None
+    (one,) = [q for q in shot.quality if (q.channel, q.check) == (channel.name, check)]
+    return one
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("name", ["field-2013", "mixed"])
+def test_a_carriage_gyro_that_hardly_leaves_its_noise_is_a_warning_with_its_kilograms(name: str) -> None:
+    virtual = virtual_shot(name)
+    shot = with_noise(virtual, "carriage_rate", {"field-2013": 30.0, "mixed": 1.2}[name])
+    check = check_of(shot, "carriage_rate", Check.FILTERED_NOISE)
+    ratio_db = float(re.match(r"pulse (-?\d+) dB", check.detail)[1])
+    assert ratio_db <= 8
+    assert check.verdict == "warn"
+    stated_kg = float(re.search(r"moves the mass by up to ([\d.]+) kg", check.detail)[1])
+    assert stated_kg <= LEAST_CONSEQUENCE * least_u_rel(virtual.rig) * virtual.rig.mechanism.m3
+    found, plain = found_by(shot, virtual), identified(name)
+    assert (shot.usable, found.valid) == (True, True), (shot.reasons, found.reasons)
+    # and that is what it does, to the noise's own scatter
+    assert abs(found.chosen.estimate.mass_kg - plain.chosen.estimate.mass_kg) < 2 * stated_kg + 0.02
+
+
+@pytest.mark.exhaustive
+def test_a_channel_whose_noise_moves_the_mass_is_set_aside_and_judged_as_if_it_were_missing() -> None:
+    virtual = virtual_shot("mixed")
+    shot = with_noise(virtual, "carriage_rate", 20.0)
+    assert check_of(shot, "carriage_rate", Check.SET_ASIDE).verdict == "warn"
+    found = found_by(shot, virtual)
+    missing = identify_shot(FiredShot(shot.without_channel("gyro_carriage"), virtual.rig), Options())
+    assert (shot.usable, found.valid, missing.valid) == (True, True, True)
+    assert found.chosen.estimate.mass_kg == missing.chosen.estimate.mass_kg
+    assert found.notes[0].startswith("gyro_carriage is set aside: ")
+
+
+@pytest.mark.exhaustive
+def test_a_channel_without_which_no_mass_is_valid_still_fails() -> None:
+    virtual = virtual_shot("mixed")
+    shot = with_noise(virtual, "tipping_rate", 20.0)
+    check = check_of(shot, "tipping_rate", Check.FILTERED_NOISE)
+    assert check.verdict == "fail"
+    assert "moves the mass by up to" in check.detail
+    assert (shot.state, found_by(shot, virtual).valid) == ("not usable", False)
+    assert not found_by(shot.without_channel("gyro_tipping"), virtual).valid
+
+
+def test_what_is_wrong_and_what_more_than_corrects_is_a_failure_as_before() -> None:
+    virtual = virtual_shot("mixed")
+    shot = virtual.shot
+    recoil = recoil_of(FiredShot(shot, virtual.rig), {a.clock: a for a in shot.alignments})
+    kept = [
+        QualityCheck("acc_carriage_x", Check.CARRIAGE, "fail", "turned"),
+        QualityCheck("gyro_carriage", Check.CONSTANT, "fail", "not connected"),
+        QualityCheck("p_brake", Check.FILTERED_NOISE, "fail", "loud"),
+        QualityCheck("can", Check.MISSING_FRAMES, "fail", "many"),
+        QualityCheck("acc_recoil_can", Check.RANGE, "fail", "clipped, and the brake's clock hangs on it"),
+        QualityCheck("shot", Check.ONSET, "fail", "none"),
+    ]
+    assert weighed(kept, FiredShot(shot, virtual.rig), recoil) == kept
+
+
+def test_a_channel_that_no_mass_hangs_on_fails_nothing() -> None:
+    virtual = virtual_shot()
+    shot, rig = virtual.shot, virtual.rig
+    channel = replace(shot.channels["gyro_carriage"], role="")
+    (spec,) = [one for one in rig.channels if one.name == "gyro_carriage"]
+    bare = replace(
+        rig, channels=tuple(one.model_copy(update={"role": ""}) if one is spec else one for one in rig.channels)
+    )
+    shot = replace(shot, channels={**shot.channels, "gyro_carriage": channel})
+    recoil = recoil_of(FiredShot(shot, bare), {a.clock: a for a in shot.alignments})
+    (check,) = weighed([QualityCheck("gyro_carriage", Check.RANGE, "fail", "clipped")], FiredShot(shot, bare), recoil)
+    assert (check.verdict, check.detail) == ("warn", "clipped; no mass hangs on it")
