@@ -122,12 +122,15 @@ class Repaired(ReadOnlyArrays):
         Samples after the repairs; masked ones are NaN.
     repairs
         Repairs in the order in which they were done.
+    left : mapping of str to ndarray, shape (n_shapes, n_samples)
+        Errors that a repair may have left, by their cause: shapes of standard size, each in all samples at once.
     """
 
     samples: Array
     repairs: tuple[Repair, ...] = ()
+    left: Mapping[str, Array] = field(default_factory=dict)
 
-    def then(self, samples: Array, *repairs: Repair) -> Repaired:
+    def then(self, samples: Array, *repairs: Repair, left: Mapping[str, Array] | None = None) -> Repaired:
         """Take the result of one more step.
 
         Parameters
@@ -136,6 +139,8 @@ class Repaired(ReadOnlyArrays):
             Samples after the step.
         *repairs
             Repairs of the step; none if it found nothing to do.
+        left : mapping of str to ndarray, shape (n_shapes, n_samples), optional
+            Errors that the step may have left, by their cause.
 
         Raises
         ------
@@ -158,7 +163,7 @@ class Repaired(ReadOnlyArrays):
             raise ValueError(
                 f"{np.count_nonzero(silently)} samples changed that no repair flags, first {int(np.argmax(silently))}"
             )
-        return Repaired(samples, (*self.repairs, *repairs))
+        return Repaired(samples, (*self.repairs, *repairs), {**self.left, **(left or {})})
 
     def to_json(self) -> list[dict[str, Any]]:
         """List the repairs in JSON types."""

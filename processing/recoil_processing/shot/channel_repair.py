@@ -8,8 +8,7 @@ and the droop of an AC-coupled chain.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -79,22 +78,6 @@ class ChannelRepair(ReadOnlyArrays):
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Levelled(ReadOnlyArrays):
-    """A series on the grid without hum and droop; the level at rest is still in it.
-
-    Attributes
-    ----------
-    samples : ndarray, shape (n,)
-    left : mapping of str to ndarray, shape (n,)
-        Error that a repair may have left, by its cause: one of standard size, in all samples at once.
-    """
-
-    samples: Array
-    repairs: tuple[Repair, ...] = ()
-    left: Mapping[str, Array] = field(default_factory=dict)
-
-
 _MENDED: WeakKeyDictionary[Channel, tuple[ChannelSpec, str, Repaired]] = WeakKeyDictionary()
 """Channels that were mended already: clocks, checks and mass each begin with the same ones."""
 
@@ -132,11 +115,11 @@ def _mended(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
     step_s = channel.time_base.step_s
     if step_s is None:
         return mended
-    whole, bridges = bridge_short_gaps(mended.samples, step_s, kept=kept, unit=unit, shown_in=own)
-    return mended.then(whole, *bridges)
+    bridged = bridge_short_gaps(mended.samples, step_s, kept=kept, unit=unit, shown_in=own)
+    return mended.then(bridged.samples, *bridged.repairs, left=bridged.left)
 
 
-_LEVELLED: WeakKeyDictionary[Channel, tuple[tuple[ChannelSpec, float, float], Array, Flags, Levelled]]
+_LEVELLED: WeakKeyDictionary[Channel, tuple[tuple[ChannelSpec, float, float], Array, Flags, Repaired]]
 _LEVELLED = WeakKeyDictionary()
 """Series that were made last of each channel, with what they were made of: the second look at a shot has the same
 grid."""
@@ -144,8 +127,10 @@ grid."""
 
 def level_samples(
     channel: Channel, samples: Array, step_s: float, in_baseline: Flags, spec: ChannelSpec, noise: float
-) -> Levelled:
+) -> Repaired:
     """Take hum and droop off a channel's series on the grid; what was done last is remembered with the channel.
+
+    The level at rest is still in what is returned.
 
     Parameters
     ----------
@@ -172,12 +157,11 @@ def level_samples(
     return known[3]
 
 
-def _levelled(samples: Array, step_s: float, in_baseline: Flags, spec: ChannelSpec, noise: float) -> Levelled:
-    done, left = Repaired(samples), dict[str, Array]()
+def _levelled(samples: Array, step_s: float, in_baseline: Flags, spec: ChannelSpec, noise: float) -> Repaired:
+    done = Repaired(samples)
     hum = subtract_hum(samples, 1.0 / step_s, in_baseline, unit=SI_UNITS[spec.quantity])
     if hum.lines:
-        done = done.then(hum.samples, *hum.repairs)
-        left["hum"] = hum.quadrature
+        done = done.then(hum.samples, *hum.repairs, left={"hum": hum.quadrature[np.newaxis]})
     constant_s = spec.sensor.time_constant_s
     if constant_s is not None:
         baseline = done.samples[in_baseline & np.isfinite(samples)]
@@ -191,6 +175,5 @@ def _levelled(samples: Array, step_s: float, in_baseline: Flags, spec: ChannelSp
             u_rest=noise / max(np.sqrt(baseline.size), 1.0),
             noise=noise,
         )
-        done = done.then(droop.samples, droop.repair)
-        left["droop"] = droop.by_constant
-    return Levelled(done.samples, done.repairs, left)
+        done = done.then(droop.samples, droop.repair, left={"droop": droop.by_constant[np.newaxis]})
+    return done

@@ -31,12 +31,12 @@ def filtered_channel(channel: Channel, zero_phase: ZeroPhaseFilter, version: str
     if step_s is None:
         raise ValueError("the samples are not evenly spaced")
     rate_hz = 1.0 / step_s
-    whole, bridges = bridge_short_gaps(channel.measured, step_s)
-    samples, trusted = zero_phase.apply_with_gaps(whole, rate_hz)
+    whole = bridge_short_gaps(channel.measured, step_s)
+    samples, trusted = zero_phase.apply_with_gaps(whole.samples, rate_hz)
     if not trusted.any():
         there = int(np.count_nonzero(np.isfinite(channel.measured)))
         raise ValueError(f"{there} of {trusted.size} samples are there, and none of them is out of a lost one's reach")
     samples[~trusted] = np.nan
-    bridged = {"bridged_samples": sum(one.count for one in bridges)} if bridges else {}
+    bridged = {"bridged_samples": sum(one.count for one in whole.repairs)} if whole.repairs else {}
     step = Step("filter", version, {**zero_phase.describe(rate_hz).to_json(), **bridged})
     return channel.with_samples(samples, step)
