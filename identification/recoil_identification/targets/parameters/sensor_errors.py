@@ -83,7 +83,7 @@ def sensor_errors(
     fired: FiredShot,
     prepared: Prepared,
     columns: Columns,
-    left: Mapping[tuple[str, str], Array],
+    left: Mapping[ErrorSource, Array],
     rest: Mapping[str, float],
     onset_s: float,
 ) -> list[SensorError]:
