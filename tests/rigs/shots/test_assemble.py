@@ -74,7 +74,7 @@ def test_a_channel_that_stands_in_every_so_many_rows_has_its_own_rate():
     np.testing.assert_allclose(channel.samples, 1e5 * np.array([0, 1, 2, 3, 4, np.nan, 6, 7, 8, 9]))
     np.testing.assert_allclose(channel.time_base.times_s, before.times_s[3::10])
     assert channel.time_base.step_s == pytest.approx(10 * before.step_s)
-    assert "take its own rows" in [step.name for step in channel.history]
+    assert "take its own rows" in [step.what for step in channel.history]
 
 
 # ---- units
