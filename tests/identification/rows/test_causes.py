@@ -32,7 +32,7 @@ from recoil_identification.shot.identified import Identification
 from recoil_identification.shot.preparation import Prepared, prepare
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.camera_motion import recorded_motion
-from recoil_processing.shot.error_source import SourceGroup
+from recoil_processing.shot.error_source import ErrorSource, SourceGroup, SourceKind
 from recoil_processing.shot.gauge_zero import MOVES_S, zero_moves
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.sensor_scales import BORE_FRICTION, scale_uncertainty
@@ -449,7 +449,8 @@ def test_a_brake_gauge_that_is_alone_on_its_clock_is_late_with_it(late: tuple[st
 def test_what_a_repair_may_have_left_is_a_cause_of_the_force_or_of_the_motion() -> None:
     left = np.linspace(0.0, 1e5, bench().times_s.size)
     roles = ("brake_pressure", "recoil_acceleration", "carriage_rate")
-    found = of_bench(signals=replace(bench_signals(), left={(role, "droop"): left for role in roles}))
+    repairs = {ErrorSource(SourceKind.REPAIR, role, "droop"): left for role in roles}
+    found = of_bench(signals=replace(bench_signals(), left=repairs))
     force, motion = found["brake_pressure droop"], found["recoil_acceleration droop"]
     assert (force.u, force.unit, force.kind) == (motion.u, motion.unit, motion.kind) == (1.0, "1", "B")
     error = left * bench().released
