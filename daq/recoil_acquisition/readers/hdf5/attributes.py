@@ -76,7 +76,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Scaling:
-    """What a dataset's attributes make of its numbers: ``gain * stored + zero``.
+    """Line by which a dataset's attributes scale its numbers: ``gain * stored + zero``.
 
     Attributes
     ----------
