@@ -10,8 +10,17 @@ from recoil_acquisition.errors import visible
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.report import print_results
 from recoil_daq.terminal.tables import print_table, say
+from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
-from recoil_identification.report.content.campaign_tables import IN_U, agreement, constancy, unread_force
+from recoil_identification.report.content.campaign_tables import (
+    IN_U,
+    agreement,
+    charted,
+    constancy,
+    looks_asked_for,
+    unchanged,
+    unread_force,
+)
 from recoil_identification.report.content.sentences import by_groups, specified
 from recoil_identification.report.results.history import HISTORY
 from recoil_rigs.tables.calibration_day import calibrations_in_words
@@ -55,16 +64,15 @@ def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
         say(f"{label}: {text}")
     if (cutoff_hz := d["provenance"]["parameters"]["cutoff_hz"]) is not None:
         say(f"low-pass of the mass, one for all shots: {cutoff_hz:.4g} Hz; the shots' masses over time have their own")
-    changes = [signal["detail"] for signal in d["signals"] if signal["kind"] != "chart"]
-    for change in changes:
-        say(f"changed: {change}")
-    if not changes:
-        say("nothing changed among the shots")
-    for said in filter(None, (agreement(d), constancy(d))):
-        say(said)
     for signal in d["signals"]:
-        if signal["kind"] == "chart":
-            say(f"chart: {signal['detail']}")
+        if signal["kind"] != SignalKind.CHART:
+            say(f"changed: {signal['detail']}")
+    for said in filter(None, (unchanged(d), agreement(d), constancy(d))):
+        say(said)
+    if looks := charted(d):
+        say(f"{looks_asked_for(len(looks))}:")
+    for look in looks:
+        say(f"chart: {look}")
     for one in d["next"][:MOST_STEPS]:
         say(f"next: {one['change']}: u {one['u_kg']:.{mass_decimals(one['u_kg'])}f} kg")
     for note in d["notes"]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.overview import mass_cells, print_shots, verdict_cell
-from recoil_daq.terminal.tables import fixed, print_outcome, print_table, say
+from recoil_daq.terminal.tables import fixed, print_outcome, print_table, say, say_once
 from recoil_rigs.tables.specification import mass_decimals
 
 if TYPE_CHECKING:
@@ -94,8 +94,8 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
     folder
         Folder that holds the report's page; None where nothing was written.
     told
-        Notes on methods that were printed for other shots: they are not printed again, and those printed now are
-        added.
+        Notes on methods, and what is alike in all reports, that were printed for other shots: they are not printed
+        again, and those printed now are added.
     """
     from recoil_identification.report.content.sentences import by_groups
     from recoil_identification.report.content.tables import logged
@@ -138,15 +138,15 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
         )
     )
     if "measurand" in d:
-        say(f"it is {d['measurand']}")
+        say_once((f"it is {d['measurand']}",), told)
     if parts := by_groups(d):
         say(parts)
     if d["constancy"] is not None:
         say(d["constancy"]["detail"])
     if rpe["value"] is not None:
-        say(rpe["meaning"])
+        say_once((rpe["meaning"],), told)
     say(low_passes(d))
-    print_outcome(d, None if folder is None else folder / "report.html")
+    print_outcome(d, None if folder is None else folder / "report.html", told)
 
 
 def _specification(document: Mapping[str, Any]) -> str:

@@ -101,18 +101,24 @@ def say(text: str, console: Console | None = None) -> None:
     (console or output_console()).print(text, markup=False, soft_wrap=True)
 
 
-def print_outcome(document: Mapping[str, Any], page: Path | None) -> None:
-    """Print the notes of a result, whether it is valid, why not, and where its page is, if it has one."""
+def print_outcome(document: Mapping[str, Any], page: Path | None, told: set[str] | None = None) -> None:
+    """Print the notes of a result, whether it is valid, why not, and where its page is, if it has one.
+
+    Parameters
+    ----------
+    told
+        Lines on what is taken for granted that were printed for other shots; see `say_once`.
+    """
     for note in document["notes"]:
         say(f"note: {note}")
-    print_assumptions(document)
+    print_assumptions(document, told=told)
     from recoil_rigs.tables.calibration_day import calibrations_in_words
 
-    console, told, dated = output_console(), document["reasons"], calibrations_in_words(document)
+    console, reasons, dated = output_console(), document["reasons"], calibrations_in_words(document)
     if not document["valid"]:
         console.print("[bold red]NOT VALID[/]:", end=" ")
-        say(told[0])
-        for reason in told[1:]:
+        say(reasons[0])
+        for reason in reasons[1:]:
             say(f"and: {reason}")
     elif document.get("deviation"):
         console.print("[bold yellow]VALID[/],", end=" ")
@@ -126,12 +132,28 @@ def print_outcome(document: Mapping[str, Any], page: Path | None) -> None:
     say("" if page is None else f"-> {page}")
 
 
-def print_assumptions(document: Mapping[str, Any], console: Console | None = None) -> None:
-    """Print what is taken for granted, a line for each kind of it."""
+def print_assumptions(
+    document: Mapping[str, Any], console: Console | None = None, told: set[str] | None = None
+) -> None:
+    """Print what is taken for granted, a line for each kind of it, as `say_once` prints them."""
     from recoil_rigs.shots.assumptions import assumption_lines
 
-    for line in assumption_lines(document.get("assumptions", ())):
-        say(line, console)
+    say_once(assumption_lines(document.get("assumptions", ())), told, console)
+
+
+def say_once(lines: Sequence[str], told: set[str] | None, console: Console | None = None) -> None:
+    """Print lines that were not printed for another shot.
+
+    Parameters
+    ----------
+    told
+        Lines that were, to which those printed now are added; None for one shot alone.
+    """
+    for line in lines:
+        if told is None or line not in told:
+            say(line, console)
+    if told is not None:
+        told.update(lines)
 
 
 def fixed(value: float | None, decimals: int, *, scale: float = 1.0, sign: bool = False) -> str:

@@ -46,7 +46,9 @@ VALUES: dict[type[StrEnum], str] = {
         "marker noise, jumps, battery, peak locking, residual, onset, second sensor, velocity, carriage, "
         "force, force sign, impulse, braking, zero shift, skew, rest to rest, other"
     ),
-    RepairKind: "drop-outs masked, clipped repaired, clipped masked, hum subtracted, droop corrected",
+    RepairKind: (
+        "drop-outs masked, clipped repaired, clipped masked, lost samples bridged, hum subtracted, droop corrected"
+    ),
     FileEnd: "missing, unclear, there",
     Severity: "note, warn, fatal",
     SignalKind: "mass step, sensor drift, outlier, added mass, calibration, chart",
@@ -54,7 +56,8 @@ VALUES: dict[type[StrEnum], str] = {
     SourceKind: (
         "random, sensitivity, force scale, camera scale, scale, scale and area, area, declared, standard, friction, "
         "slide friction, unread share, unread force, unread shape, force line, zero, moving zero, repair, "
-        "lost samples, not recorded, release, gas, skew, delay, alignment, clock rate, camera late, camera gain, "
+        "lost samples, bridged, bridged shape, not recorded, release, gas, skew, delay, alignment, clock rate, "
+        "camera late, camera gain, "
         "place, picture, carriage part, carriage zero, gauge difference, mass change, known impulse, known load, "
         "parameter, choice, random of shots, sensor scale, bore friction, linearity, hysteresis, gauge ahead, "
         "muzzle brake, tube, added mass"

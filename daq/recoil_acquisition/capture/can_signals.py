@@ -131,9 +131,10 @@ class CanSignals:
             data, length = chosen["data"], chosen["length"].astype(np.int64)
             for channel, layout, layouts in rows:
                 held = present(layout, layouts, data, length) & (length >= layout.bytes_needed)
-                if held.any():
-                    values = layout.decode(data[held]) * channel.factor + channel.offset
-                    samples.append(LiveSamples(channel.name, times_s[wanted][held], values))
+                values = layout.decode(data[held]) * channel.factor + channel.offset
+                there = np.isfinite(values)  # a code is no value
+                if there.any():
+                    samples.append(LiveSamples(channel.name, times_s[wanted][held][there], values[there]))
         return samples
 
     def _late_s(self, records: NDArray[np.void]) -> Array:

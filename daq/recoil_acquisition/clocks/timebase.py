@@ -210,6 +210,15 @@ class TimeBase(ReadOnlyArrays):
         step_s = float(self.step_s or 0.0)
         return TimeBase.uniform(self.clock, self.start_s + step_s * first, step_s, stop - first, self.absolute_start)
 
+    def every(self, rows: slice) -> TimeBase:
+        """Return the instants of every so many numbers, ``0 <= start < count`` and ``step`` above 0."""
+        if self.stamps_s is not None:
+            return TimeBase.stamped(self.clock, self.stamps_s[rows], self.absolute_start)
+        first, stop, apart = rows.indices(self.count)
+        step_s = float(self.step_s or 0.0)
+        count = len(range(first, stop, apart))
+        return TimeBase.uniform(self.clock, self.start_s + step_s * first, step_s * apart, count, self.absolute_start)
+
     def shifted(self, offset_s: float, absolute_start: AbsoluteStart | None) -> TimeBase:
         """Return the instants later by an offset, with another absolute start."""
         if self.step_s is None:

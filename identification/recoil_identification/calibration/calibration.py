@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.estimate.budget import BudgetRow, with_one_unread_force
+from recoil_identification.estimate.budget import BudgetRow, with_shapes_together
 from recoil_identification.estimate.mass import FRICTION, RANDOM, MassEstimate
 from recoil_identification.estimate.monte_carlo import Draw
 from recoil_identification.estimate.rounding import in_kg
@@ -412,7 +412,7 @@ def calibration_of(
         rows, free = residual.size, 3 + (0 if shifts is None else shifts.shape[1])
         deviation = math.sqrt(float(residual @ residual) / max(rows - free, 1))
     return Calibration(
-        estimate=MassEstimate(method, mass, with_one_unread_force(budget), rows, deviation),
+        estimate=MassEstimate(method, mass, with_shapes_together(budget), rows, deviation),
         noise=noise,
         block=block,
         inferred=inferred,

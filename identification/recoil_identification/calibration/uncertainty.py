@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_identification.calibration.calibration import Calibration
-from recoil_identification.estimate.budget import CHOICE_FACTORS, BudgetRow, with_one_unread_force
+from recoil_identification.estimate.budget import CHOICE_FACTORS, BudgetRow, with_shapes_together
 from recoil_identification.estimate.mass import LEAST_ROWS
 from recoil_identification.rows.causes import Cause
 from recoil_processing.filters import LowPassFilter
@@ -50,7 +50,7 @@ def contributions(regression: Regression, causes: Sequence[Cause]) -> tuple[Budg
                 scope=cause.scope,
             )
         )  # fmt: skip
-    return with_one_unread_force(found)
+    return with_shapes_together(found)
 
 
 def note_on_cutoff(recorded: Regression, filtered: Regression, calibration: Calibration) -> Note | None:

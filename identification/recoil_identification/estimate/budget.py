@@ -71,13 +71,18 @@ class BudgetRow:
         return None if not self.sensitivity else self.u_kg / abs(self.sensitivity)
 
 
-def with_one_unread_force(rows: Sequence[BudgetRow]) -> tuple[BudgetRow, ...]:
-    """Put the shapes of the force that no gauge reads together, last: it is one force, whatever its shape."""
-    shapes = [row for row in rows if row.source.kind is SourceKind.UNREAD_SHAPE]
-    if not shapes:
-        return tuple(rows)
-    force = BudgetRow(ErrorSource(SourceKind.UNREAD_FORCE), combined_u(shapes), "B", scope="rig")
-    return (*(row for row in rows if row.source.kind is not SourceKind.UNREAD_SHAPE), force)
+WHOLE_OF = {SourceKind.UNREAD_SHAPE: SourceKind.UNREAD_FORCE, SourceKind.BRIDGED_SHAPE: SourceKind.BRIDGED}
+"""Kind of a shape -> kind of what has several shapes."""
+
+
+def with_shapes_together(rows: Sequence[BudgetRow]) -> tuple[BudgetRow, ...]:
+    """Put the shapes of one error together, last: the force that no gauge reads is one force, whatever its shape."""
+    shapes: dict[ErrorSource, list[BudgetRow]] = {}
+    for row in rows:
+        if row.source.kind in WHOLE_OF:
+            shapes.setdefault(ErrorSource(WHOLE_OF[row.source.kind], row.source.of), []).append(row)
+    whole = [BudgetRow(source, combined_u(each), "B", scope=each[0].scope) for source, each in shapes.items()]
+    return (*(row for row in rows if row.source.kind not in WHOLE_OF), *whole)
 
 
 def combined_u(rows: Sequence[BudgetRow]) -> float:

@@ -172,16 +172,18 @@ def causes_of(
         if u_pa > 0 and force.unit == "N":  # nothing strikes it: it is off by as much throughout
             zero = of_gauge(role, regression.released)
             found.append(Cause(ErrorSource(SourceKind.ZERO, role), "N", u_pa, "B", zero, unmoved))
-        elif u_pa > 0:  # any one of the shapes may be all of it
+        elif u_pa > 0:
             found += [
                 Cause(moving_zero(role, tau_s), "Pa", u_pa, "B", of_gauge(role, move), unmoved)
                 for tau_s, move in zip(MOVES_S, moves.T, strict=True)
             ]
-    for (role, repair), left in signals.left.items():
-        error, source = left * regression.released, ErrorSource(SourceKind.REPAIR, role, repair)
-        if role in gauges:
-            found.append(Cause(source, "1", 1.0, "B", of_gauge(role, error), unmoved))
-        elif role == motion_role:
+    for source, left in signals.left.items():
+        error = left * regression.released
+        if source.kind is SourceKind.BRIDGED_SHAPE:  # no slow error: the filter takes most of it
+            error = filtered_columns(regression, (left * recorded.released)[:, np.newaxis])[:, 0]
+        if source.of in gauges:
+            found.append(Cause(source, "1", 1.0, "B", of_gauge(source.of, error), unmoved))
+        elif source.of == motion_role:
             found.append(Cause(source, "1", 1.0, "B", none, error))
     # a recording that is late by dt lacks dt times its slope
     slopes_n_s = _slopes_n_s(regression, recorded)
@@ -307,10 +309,9 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
         return Cause(source, unit, u, kind, none, moved, scope=scope, degrees_of_freedom=freedom)
 
     found = []
-    for (role, repair), left in signals.left.items():
-        if role in CARRIAGE_ACCELERATIONS:
-            source = ErrorSource(SourceKind.REPAIR, role, repair)
-            found.append(cause(source, "1", 1.0, "B", _with_error(forced.motion, role, left)))
+    for source, left in signals.left.items():
+        if source.of in CARRIAGE_ACCELERATIONS:
+            found.append(cause(source, "1", 1.0, "B", _with_error(forced.motion, source.of, left)))
     for role in CARRIAGE_ACCELERATIONS:
         offset = signals.offsets.get(role)
         if offset is not None and math.isfinite(offset.u) and offset.u > 0:

@@ -87,8 +87,10 @@ def _worst_bridge(samples: Array, count: NDArray[np.int64], start: int, stop: in
     low, high = max(start - reach, 1), min(stop + reach, samples.size - 1) - length
     if high < low:
         return None
-    places = np.arange(low, high + 1, max(1, (high - low) // MOST_PLACES))
+    places = np.arange(low, high + 1)
+    # thinned only afterwards: what is lost may come as regularly as the places that are tried
     places = places[count[places + length + 1] == count[places - 1]]
+    places = places[:: max(1, places.size // MOST_PLACES)]
     if places.size == 0:
         return None
     inner = samples[places[:, None] + np.arange(length)]

@@ -7,9 +7,10 @@ The order is that of `RepairKind.step`, from the file back to the physics:
 
 1. drop-outs are masked: what is no measurement must enter no fit;
 2. clipping is judged while the levels are still those that the converter saw;
-3. hum is fitted and taken off: the level at rest, which the next step integrates, must be free of it;
-4. droop is inverted;
-5. a zero shift is fitted last, together with the force: it is a column of the regression.
+3. gaps that no low-pass notices are bridged, but for those that a clipped tip left;
+4. hum is fitted and taken off: the level at rest, which the next step integrates, must be free of it;
+5. droop is inverted;
+6. a zero shift is fitted last, together with the force: it is a column of the regression.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ class RepairKind(StrEnum):
     DROP_OUTS_MASKED = "drop-outs masked"
     CLIPPED_REPAIRED = "clipped repaired"
     CLIPPED_MASKED = "clipped masked"
+    LOST_BRIDGED = "lost samples bridged"
     HUM_SUBTRACTED = "hum subtracted"
     DROOP_CORRECTED = "droop corrected"
 
@@ -56,8 +58,9 @@ class RepairKind(StrEnum):
             RepairKind.DROP_OUTS_MASKED: 1,
             RepairKind.CLIPPED_REPAIRED: 2,
             RepairKind.CLIPPED_MASKED: 2,
-            RepairKind.HUM_SUBTRACTED: 3,
-            RepairKind.DROOP_CORRECTED: 4,
+            RepairKind.LOST_BRIDGED: 3,
+            RepairKind.HUM_SUBTRACTED: 4,
+            RepairKind.DROOP_CORRECTED: 5,
         }[self]
 
 
@@ -119,12 +122,15 @@ class Repaired(ReadOnlyArrays):
         Samples after the repairs; masked ones are NaN.
     repairs
         Repairs in the order in which they were done.
+    left : mapping of str to ndarray, shape (n_shapes, n_samples)
+        Errors that a repair may have left, by their cause: shapes of standard size, each in all samples at once.
     """
 
     samples: Array
     repairs: tuple[Repair, ...] = ()
+    left: Mapping[str, Array] = field(default_factory=dict)
 
-    def then(self, samples: Array, *repairs: Repair) -> Repaired:
+    def then(self, samples: Array, *repairs: Repair, left: Mapping[str, Array] | None = None) -> Repaired:
         """Take the result of one more step.
 
         Parameters
@@ -133,6 +139,8 @@ class Repaired(ReadOnlyArrays):
             Samples after the step.
         *repairs
             Repairs of the step; none if it found nothing to do.
+        left : mapping of str to ndarray, shape (n_shapes, n_samples), optional
+            Errors that the step may have left, by their cause.
 
         Raises
         ------
@@ -155,7 +163,7 @@ class Repaired(ReadOnlyArrays):
             raise ValueError(
                 f"{np.count_nonzero(silently)} samples changed that no repair flags, first {int(np.argmax(silently))}"
             )
-        return Repaired(samples, (*self.repairs, *repairs))
+        return Repaired(samples, (*self.repairs, *repairs), {**self.left, **(left or {})})
 
     def to_json(self) -> list[dict[str, Any]]:
         """List the repairs in JSON types."""

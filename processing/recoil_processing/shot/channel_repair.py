@@ -1,14 +1,14 @@
 """Repair of a channel before the equation of motion uses it, and what that leaves uncertain.
 
 What an instrument did to its own samples is mended on them: drop-outs are masked, clipped tips are rebuilt
-where the rule of `repairs.clipping` allows it, and masked where it does not. What it added to all of them is
-taken off on the grid, where the pre-trigger baseline is known: the mains' hum, and the droop of an AC-coupled chain.
+where the rule of `repairs.clipping` allows it, and masked where it does not, and gaps that no low-pass notices are
+bridged. What it added to all of them is taken off on the grid, where the pre-trigger baseline is known: the mains' hum,
+and the droop of an AC-coupled chain.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -24,6 +24,7 @@ from recoil_processing.repairs.droop import invert_droop
 from recoil_processing.repairs.dropouts import find_drop_outs
 from recoil_processing.repairs.hum import subtract_hum
 from recoil_processing.repairs.repair import Repair, Repaired
+from recoil_processing.repairs.short_gaps import bridge_short_gaps
 from recoil_rigs.rig import ChannelSpec
 from recoil_rigs.shots.assemble import range_si, shown_unit
 
@@ -77,28 +78,12 @@ class ChannelRepair(ReadOnlyArrays):
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Levelled(ReadOnlyArrays):
-    """A series on the grid without hum and droop; the level at rest is still in it.
-
-    Attributes
-    ----------
-    samples : ndarray, shape (n,)
-    left : mapping of str to ndarray, shape (n,)
-        Error that a repair may have left, by its cause: one of standard size, in all samples at once.
-    """
-
-    samples: Array
-    repairs: tuple[Repair, ...] = ()
-    left: Mapping[str, Array] = field(default_factory=dict)
-
-
 _MENDED: WeakKeyDictionary[Channel, tuple[ChannelSpec, str, Repaired]] = WeakKeyDictionary()
 """Channels that were mended already: clocks, checks and mass each begin with the same ones."""
 
 
 def mend_samples(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
-    """Mask drop-outs, and rebuild or mask clipped samples; what was done once is remembered with the channel.
+    """Mask drop-outs, rebuild or mask clipped samples, and bridge short gaps; what was done once is remembered.
 
     Parameters
     ----------
@@ -122,15 +107,19 @@ def _mended(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
     stamps = channel.time_base.stamps_s if kind in EVENLY_STAMPED else None
     drop_outs = find_drop_outs(samples, stamps, spared=None if clipped is None else clipped.flags)
     masked, repairs = drop_outs.mask(samples)
-    mended = Repaired(samples).then(masked, *repairs)
-    if limits is None or clipped is None or not clipped.flags.any():
-        return mended
+    mended, kept = Repaired(samples).then(masked, *repairs), None
     unit, own = shown_unit(spec)
-    tips = repair_clipping(mended.samples, *limits, unit=unit, shown_in=own)
-    return mended.then(tips.samples, *tips.repairs)
+    if limits is not None and clipped is not None and clipped.flags.any():
+        tips, kept = repair_clipping(mended.samples, *limits, unit=unit, shown_in=own), clipped.flags
+        mended = mended.then(tips.samples, *tips.repairs)
+    step_s = channel.time_base.step_s
+    if step_s is None:
+        return mended
+    bridged = bridge_short_gaps(mended.samples, step_s, kept=kept, unit=unit, shown_in=own)
+    return mended.then(bridged.samples, *bridged.repairs, left=bridged.left)
 
 
-_LEVELLED: WeakKeyDictionary[Channel, tuple[tuple[ChannelSpec, float, float], Array, Flags, Levelled]]
+_LEVELLED: WeakKeyDictionary[Channel, tuple[tuple[ChannelSpec, float, float], Array, Flags, Repaired]]
 _LEVELLED = WeakKeyDictionary()
 """Series that were made last of each channel, with what they were made of: the second look at a shot has the same
 grid."""
@@ -138,8 +127,10 @@ grid."""
 
 def level_samples(
     channel: Channel, samples: Array, step_s: float, in_baseline: Flags, spec: ChannelSpec, noise: float
-) -> Levelled:
+) -> Repaired:
     """Take hum and droop off a channel's series on the grid; what was done last is remembered with the channel.
+
+    The level at rest is still in what is returned.
 
     Parameters
     ----------
@@ -166,12 +157,11 @@ def level_samples(
     return known[3]
 
 
-def _levelled(samples: Array, step_s: float, in_baseline: Flags, spec: ChannelSpec, noise: float) -> Levelled:
-    done, left = Repaired(samples), dict[str, Array]()
+def _levelled(samples: Array, step_s: float, in_baseline: Flags, spec: ChannelSpec, noise: float) -> Repaired:
+    done = Repaired(samples)
     hum = subtract_hum(samples, 1.0 / step_s, in_baseline, unit=SI_UNITS[spec.quantity])
     if hum.lines:
-        done = done.then(hum.samples, *hum.repairs)
-        left["hum"] = hum.quadrature
+        done = done.then(hum.samples, *hum.repairs, left={"hum": hum.quadrature[np.newaxis]})
     constant_s = spec.sensor.time_constant_s
     if constant_s is not None:
         baseline = done.samples[in_baseline & np.isfinite(samples)]
@@ -185,6 +175,5 @@ def _levelled(samples: Array, step_s: float, in_baseline: Flags, spec: ChannelSp
             u_rest=noise / max(np.sqrt(baseline.size), 1.0),
             noise=noise,
         )
-        done = done.then(droop.samples, droop.repair)
-        left["droop"] = droop.by_constant
-    return Levelled(done.samples, done.repairs, left)
+        done = done.then(droop.samples, droop.repair, left={"droop": droop.by_constant[np.newaxis]})
+    return done

@@ -51,6 +51,10 @@ class SourceKind(StrEnum):
     REPAIR = "repair"
     """Remainder of a disturbance that was repaired."""
     LOST_SAMPLES = "lost samples"
+    BRIDGED = "bridged"
+    """What bridges lost samples of a role, where no low-pass notices it."""
+    BRIDGED_SHAPE = "bridged shape"
+    """Part of that, a shape of known form and unknown size."""
     """Samples that were bridged."""
     NOT_RECORDED = "not recorded"
     """Motion that no sensor recorded."""
@@ -153,6 +157,8 @@ _SPELLED = {
     SourceKind.MOVING_ZERO: "{of} zero that moves in {detail} ms",
     SourceKind.REPAIR: "{of} {detail}",
     SourceKind.LOST_SAMPLES: "samples lost at {detail} ms",
+    SourceKind.BRIDGED: "{of} bridged samples",
+    SourceKind.BRIDGED_SHAPE: "{of} bridged samples, shape {detail}",
     SourceKind.NOT_RECORDED: "{of}, not recorded",
     SourceKind.RELEASE: "release from the battery stop",
     SourceKind.GAS: "gas left in the bore",
@@ -178,9 +184,10 @@ KINDS_OF = {
     SourceGroup.SENSORS: (
         SourceKind.SENSITIVITY, SourceKind.SENSOR_SCALE, SourceKind.FORCE_SCALE, SourceKind.CAMERA_SCALE,
         SourceKind.SCALE, SourceKind.SCALE_AND_AREA, SourceKind.STANDARD, SourceKind.ZERO, SourceKind.MOVING_ZERO,
-        SourceKind.REPAIR, SourceKind.LOST_SAMPLES, SourceKind.NOT_RECORDED, SourceKind.SKEW, SourceKind.DELAY,
-        SourceKind.ALIGNMENT, SourceKind.CLOCK_RATE, SourceKind.CAMERA_LATE, SourceKind.CAMERA_GAIN, SourceKind.PLACE,
-        SourceKind.PICTURE, SourceKind.CARRIAGE_PART, SourceKind.CARRIAGE_ZERO, SourceKind.GAUGE_DIFFERENCE,
+        SourceKind.REPAIR, SourceKind.LOST_SAMPLES, SourceKind.BRIDGED, SourceKind.BRIDGED_SHAPE,
+        SourceKind.NOT_RECORDED, SourceKind.SKEW, SourceKind.DELAY, SourceKind.ALIGNMENT, SourceKind.CLOCK_RATE,
+        SourceKind.CAMERA_LATE, SourceKind.CAMERA_GAIN, SourceKind.PLACE, SourceKind.PICTURE,
+        SourceKind.CARRIAGE_PART, SourceKind.CARRIAGE_ZERO, SourceKind.GAUGE_DIFFERENCE,
         SourceKind.LINEARITY, SourceKind.HYSTERESIS, SourceKind.GAUGE_AHEAD, SourceKind.TUBE,
         SourceKind.KNOWN_IMPULSE, SourceKind.KNOWN_LOAD,
     ),

@@ -15,8 +15,8 @@ from recoil_rigs.tables.rig_tables import UNRESTED_U_ZERO_REL
 Array = NDArray[np.float64]
 
 MOVES_S = (2e-3, 30e-3, 0.3)
-"""Time constants in which a gauge's zero may move at the shot: together they hold the shapes of a late ramp, of a slow
-rise, of one that is there while the breech still drives, and of a fast one that dies down again."""
+"""Time constants of the ways in which a gauge's zero may move at the shot: at once, as a late ramp does and one that is
+there while the breech still drives; slowly; and at once, to die down again with the last of them."""
 U_GAS_PA = 10e3
 """Standard uncertainty of the pressure in a bore that is empty."""
 EARLIEST_S = 60e-3
@@ -28,9 +28,14 @@ FALLING = (0.1, 0.01)
 
 
 def zero_moves(times_s: Array, onset_s: float) -> Array:
-    """Return the shapes in which a gauge's zero may move from the onset on, shape (n, n_shapes)."""
+    """Return the shapes in which a gauge's zero may move from the onset on, shape (n, n_shapes).
+
+    Their squares add up to at most one at every instant: if the size of each is as uncertain as the zero is stated to
+    be, and none is known to be the one, the zero itself is never more uncertain than that.
+    """
     since = np.maximum(times_s - onset_s, 0.0)
-    return np.column_stack([-np.expm1(-since / tau) for tau in MOVES_S])
+    at_once, slowly, later = (-np.expm1(-since / tau) for tau in MOVES_S)
+    return np.column_stack([at_once, slowly, at_once - later]) / math.sqrt(len(MOVES_S))
 
 
 def moving_zero_pa(spec: ChannelSpec, reading_pa: Array) -> float:

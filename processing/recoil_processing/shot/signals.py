@@ -21,9 +21,10 @@ from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment
-from recoil_processing.gaps import LONGEST_STEP
+from recoil_processing.gaps import LONGEST_STEP, bridge
 from recoil_processing.noise import robust_sigma, welch_satterthwaite
 from recoil_processing.shot.channel_repair import ChannelRepair, level_samples, mend_samples
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.instants import instants
 from recoil_processing.shot.mechanism_onset import onset_s
 from recoil_processing.shot.onset import LEAST_LEVEL_SAMPLES
@@ -88,8 +89,8 @@ class Signals(ReadOnlyArrays):
         First instant of force.
     repairs
         Repairs of the samples, in the order in which they were done.
-    left : mapping of (str, str) to ndarray, shape (n,)
-        Error of standard size that a repair may have left in the series, by role and cause.
+    left : mapping of ErrorSource to ndarray, shape (n,)
+        Errors of standard size that repairs may have left in the series, each with the series that it is in.
     gauges
         Series of each gauge alone, by role, where several gauges measured it.
     unused
@@ -103,7 +104,7 @@ class Signals(ReadOnlyArrays):
     baseline_s: tuple[float, float]
     onset_s: float
     repairs: tuple[ChannelRepair, ...] = ()
-    left: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    left: Mapping[ErrorSource, Array] = field(default_factory=dict)
     gauges: Mapping[str, tuple[GaugeReading, ...]] = field(default_factory=dict)
     unused: tuple[str, ...] = ()
 
@@ -175,6 +176,7 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
     start, step, count = _grid_of(carrier, fired)
     grid = np.asarray(start + step * np.arange(count), dtype=np.float64)
     read: dict[str, Array] = {}
+    left_in: dict[str, dict[str, Array]] = {}
     repairs: list[ChannelRepair] = []
     by_role: dict[str, list[str]] = {}
     unused: list[tuple[str, str]] = []
@@ -189,6 +191,10 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
         mended = mend_samples(channel, one.spec, one.source.kind)
         dated = replace(at_instants(channel, fired), samples=mended.samples)
         read[channel.name] = on_grid(dated, alignment, grid)
+        left_in[channel.name] = {
+            cause: np.array([bridge(on_grid(replace(dated, samples=one), alignment, grid)) for one in shapes])
+            for cause, shapes in mended.left.items()
+        }
         by_role.setdefault(series_name, []).append(channel.name)
         if mended.repairs:
             times = dated.time_base.times_s if alignment is None else alignment.to_reference(dated.time_base.times_s)
@@ -203,7 +209,7 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
     baseline_s = (start, baseline_end) if baseline_end - start >= LEAST_BASELINE_S else (start, start)
     series: dict[str, Array] = {}
     offsets: dict[str, Offset] = {}
-    left: dict[tuple[str, str], Array] = {}
+    left: dict[ErrorSource, Array] = {}
     gauges: dict[str, tuple[GaugeReading, ...]] = {}
     in_baseline = (grid >= baseline_s[0]) & (grid < baseline_s[1])
     for role, channels in by_role.items():
@@ -216,8 +222,13 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
                 level = level_samples(fired.shot.channels[name], samples, step, in_baseline, spec, noise)
                 samples = level.samples
                 repairs += [ChannelRepair.of(name, role, repair, grid) for repair in level.repairs]
-                for cause, error in level.left.items():
-                    left[role, cause if len(channels) == 1 else f"{cause} of {name}"] = error / len(channels)
+                left_in[name] |= level.left
+            for cause, shapes in left_in[name].items():
+                of_gauge = "" if len(channels) == 1 else f" of {name}"
+                left |= {
+                    _left_source(role, cause, number, len(shapes), of_gauge): shape / len(channels)
+                    for number, shape in enumerate(shapes, start=1)
+                }
             found.append(GaugeReading(name, *_at_rest(samples, in_baseline, mechanism.at_rest.get(role), noise)))
         series[role], offsets[role] = found[0].samples, found[0].offset
         if len(found) > 1:
@@ -230,6 +241,13 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
         # what was left out and has no other in its place is missing, not set aside
         unused=tuple(name for series_name, name in unused if series_name in by_role),
     )
+
+
+def _left_source(role: str, cause: str, number: int, count: int, of_gauge: str) -> ErrorSource:
+    """Return the source of an error that a repair may have left; one that has several shapes is of a bridge."""
+    if count == 1:
+        return ErrorSource(SourceKind.REPAIR, role, f"{cause}{of_gauge}")
+    return ErrorSource(SourceKind.BRIDGED_SHAPE, role, f"{number}{of_gauge}")
 
 
 def _grid_of(carrier: Channel, fired: FiredShot) -> tuple[float, float, int]:

@@ -7,6 +7,7 @@ an error that lists the names the file has, nearest first.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import MASK_OVERLOADS, Channel, Step
 from recoil_acquisition.errors import ErrorCode, Fault, FaultCode, ReadError, RigError, Row
 from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit
+from recoil_acquisition.readers.own_rows import own_rows
 from recoil_acquisition.readers.recording import Recording, SignalHeader
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 from recoil_rigs.tables.rig_tables import range_si
@@ -142,7 +144,7 @@ def _is_pixels(spelling: str) -> bool:
 
 
 def _channel(spec: ChannelSpec, recording: Recording, header: SignalHeader, unit: Unit, version: str) -> Channel:
-    samples = in_si(spec, unit, recording.read(header.name))
+    samples, base = in_si(spec, unit, recording.read(header.name)), recording.time_base(header.name)
     # what has signals as a recording has, and is none, marks nothing
     marked = getattr(recording, "overloads", None)
     overloads = 0 if marked is None else int(marked(header.name))
@@ -164,11 +166,16 @@ def _channel(spec: ChannelSpec, recording: Recording, header: SignalHeader, unit
     if spec.polarity == -1:
         history.append(Step("turn polarity", version, {}))
     raw = recording.raw(header.name)
+    rows = own_rows(samples)
+    if rows is not None:
+        samples, base = samples[rows], base.every(rows)
+        raw = None if raw is None else replace(raw, counts=raw.counts[rows])
+        history.append(Step("take its own rows", version, {"first": rows.start + 1, "of": rows.step}))
     return Channel(
         name=spec.name,
         quantity=spec.quantity,
         samples=samples,
-        time_base=recording.time_base(header.name),
+        time_base=base,
         signal=spec.signal,
         role=spec.role,
         u_rel=sensor.u_scale_rel,

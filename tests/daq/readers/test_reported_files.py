@@ -234,6 +234,42 @@ FILES: dict[str, Right | Refused] = {
         said=("1 error frame",),
         database=IMU,
     ),
+    "sna.log": Right(
+        {"IMU.Accel": Signal(ms(step=100, count=6), [0.0, 0.5, math.nan, 1.0, math.nan, 1.5])},
+        said=("2 of 6 frames hold a code that is no measurement .2046 'Neutralwert' x1, 2047 'Fehler' x1.",),
+        database="sna.dbc",
+    ),
+    "na_n2k.log": Right(
+        {"Heading.Dev": Signal(ms(step=100, count=5), [0.01, 0.02, math.nan, 0.03, 0.04], "rad")},
+        said=("1 of 5 frames hold a code that is no measurement .0x7FFD and above x1.",),
+        database="na_n2k.dbc",
+    ),
+    "c_comment_top.log": Right({"IMU.Accel": Signal(ms(step=100, count=2), [0.01, 0.02], G)}, SILENT, database=IMU),
+    "rigol_padded.csv": Right(
+        {"CH1": Signal(us(-100), sines(200, step=0.1))}, said=("^time is the row number over 1e.06 Hz",)
+    ),
+    "h5_packed_time.h5": Right({"acc": Signal(ms(count=100), sines(100, step=0.05), G)}, SILENT),
+    "h5_attr_conversion_factor.h5": Refused(
+        (r"acc: integers with the attribute conversion_factor, whose meaning is open",)
+    ),
+    "dst_spring.csv": Refused(("line 32, time column: the clock jumps by 3600 s",), rig="dst_spring.toml"),
+    "iso_gap.csv": Right(
+        {
+            "acc": Signal(
+                [0.01 * k for k in (*range(100), *range(150, 300))],
+                [math.sin(0.1 * k) for k in (*range(100), *range(150, 300))],
+                G,
+            )
+        },
+        said=("50 rows are missing in 1 gap before line 102",),
+        rig="iso_gap.toml",
+    ),
+    "asc_busmaster.asc": Right(
+        {"IMU.Accel": Signal(ms(step=100, count=4, start=40_874_808.2), [0.01, 0.02, 0.03, 0.04], G)},
+        said=("stamps begin at the time of day .* counted from midnight",),
+        start="2021-12-06T00:00:00",
+        database=IMU,
+    ),
     "log_len8.log": Right({"IMU.Accel": Signal([0.0, 0.1, 0.3], [0.01, 0.02, 0.03], G)}, SILENT, database=IMU),
     "mux_ext.log": Right(
         {
@@ -291,33 +327,17 @@ FILES: dict[str, Right | Refused] = {
     "rigol_digital.csv": Right(
         {"CH1": Signal(us(-100), sines(200, step=0.1), "Volt")}, said=("left out: D7-D0 .*D15-D8",)
     ),
+    "mixed_rates.csv": Right(
+        {
+            "acc": Signal(ms(count=400), sines(400, step=0.1), G),
+            "p": Signal(ms(count=400), [k / 10 if k % 10 == 0 else math.nan for k in range(400)], "bar"),
+        },
+        said=("^p: 1 of 10 rows holds a sample, from row 1 on: that is its rate, no loss $",),
+    ),
 }
 """Whether a file is read or refused, and what it then holds or why."""
 
-NOT_FINE_ENOUGH = "absolute time is not fine enough: the stamps agree with no constant, usual sample rate"
 OPEN: dict[str, Open] = {
-    "sna.log": Open(
-        "codes that the database's table names as no measurement are samples",
-        Right(
-            {"IMU.Accel": Signal(ms(step=100, count=6), [0.0, 0.5, 3.015, 1.0, 3.01, 1.5])}, SILENT, database="sna.dbc"
-        ),
-    ),
-    "na_n2k.log": Open(
-        "a code outside of the database's range is a sample, and nothing says so",
-        Right(
-            {"Heading.Dev": Signal(ms(step=100, count=5), [0.01, 0.02, 3.2767, 0.03, 0.04], "rad")},
-            SILENT,
-            database="na_n2k.dbc",
-        ),
-    ),
-    "h5_packed_time.h5": Open(
-        "`scale_factor` of the time is not applied: 1 s a sample in place of 1 ms",
-        Right({"acc": Signal(ms(step=1000, count=100), sines(100, step=0.05), G)}, SILENT),
-    ),
-    "h5_attr_conversion_factor.h5": Open(
-        "`conversion_factor` is neither applied nor told",
-        Right({"acc": Signal(ms(count=100), [round(1000 * one) for one in sines(100, step=0.05)], G)}, SILENT),
-    ),
     "xsens_gap.txt": Open(
         "the counter jumps by 30 behind row 50, and what follows is 0.3 s early without a word",
         Right(
@@ -331,40 +351,9 @@ OPEN: dict[str, Open] = {
             rig="xsens_gap.toml",
         ),
     ),
-    "asc_busmaster.asc": Open(
-        "stamps are seconds of the day, and are added to a date line that has the time of day in it",
-        Right(
-            {"IMU.Accel": Signal(ms(step=100, count=4, start=40_874_808.2), [0.01, 0.02, 0.03, 0.04], G)},
-            SILENT,
-            start="2021-12-06T11:21:13",
-            database=IMU,
-        ),
-    ),
-    "c_comment_top.log": Open(
-        "a remark above the frames keeps the log from being recognised",
-        Refused(("no reader recognises .*a text without a table of numbers",), database=IMU),
-    ),
-    "rigol_padded.csv": Open(
-        "empty cells behind every row are counted as cells",
-        Refused(("line 3: a row does not fit the header; expected 2 cells, found 4",)),
-    ),
-    "dst_spring.csv": Open(
-        "the jump to summer time is not named, nor its line", Refused((NOT_FINE_ENOUGH,), rig="dst_spring.toml")
-    ),
-    "iso_gap.csv": Open("the gap is not named, nor its line", Refused((NOT_FINE_ENOUGH,), rig="iso_gap.toml")),
     "np_default.txt": Open(
         "a layout takes no blank as its separator, and nothing says what to do with such a table",
         Refused((r"layout\.separator: must be one of .*, found ' '",), rig="np_default.toml", error=RigError),
-    ),
-    "mixed_rates.csv": Open(
-        "a channel of a tenth of the rate is one with nine of ten samples lost",
-        Right(
-            {
-                "acc": Signal(ms(count=400), sines(400, step=0.1), G),
-                "p": Signal(ms(count=400), [k / 10 if k % 10 == 0 else math.nan for k in range(400)], "bar"),
-            },
-            said=("^p: 360 of 400 cells are empty: lost samples $",),
-        ),
     ),
 }
 """What is wrong of a file today; one that is mended moves to `FILES`."""

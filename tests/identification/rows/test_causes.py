@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -31,7 +32,7 @@ from recoil_identification.shot.identified import Identification
 from recoil_identification.shot.preparation import Prepared, prepare
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.camera_motion import recorded_motion
-from recoil_processing.shot.error_source import SourceGroup
+from recoil_processing.shot.error_source import ErrorSource, SourceGroup, SourceKind
 from recoil_processing.shot.gauge_zero import MOVES_S, zero_moves
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.sensor_scales import BORE_FRICTION, scale_uncertainty
@@ -371,12 +372,13 @@ def test_a_zero_that_moves_takes_its_shape_off_the_force_of_its_gauge(column: in
     found = of_bench()
     largest_pa = np.abs(bench_signals().series[role]).max()
     since = np.maximum(bench().times_s - FIRE_S, 0.0)
-    for tau_s in (2e-3, 30e-3, 0.3):
+    at_once, slowly, later = (1.0 - np.exp(-since / tau_s) for tau_s in (2e-3, 30e-3, 0.3))
+    for tau_s, way in ((2e-3, at_once), (30e-3, slowly), (0.3, at_once - later)):
         cause = found[f"{role} zero that moves in {1e3 * tau_s:g} ms"]
         # where no range is declared, a thousandth of what it reads
         assert (cause.u, cause.unit, cause.kind) == (pytest.approx(1e-3 * largest_pa), "Pa", "B")
         expected = np.zeros((since.size, 3))
-        expected[:, column] = -BENCH_AREAS_M2[column] * filtered(1.0 - np.exp(-since / tau_s))
+        expected[:, column] = -BENCH_AREAS_M2[column] * filtered(way / math.sqrt(3.0))
         np.testing.assert_allclose(cause.forces_n, expected, atol=1e-6)
 
 
@@ -447,7 +449,8 @@ def test_a_brake_gauge_that_is_alone_on_its_clock_is_late_with_it(late: tuple[st
 def test_what_a_repair_may_have_left_is_a_cause_of_the_force_or_of_the_motion() -> None:
     left = np.linspace(0.0, 1e5, bench().times_s.size)
     roles = ("brake_pressure", "recoil_acceleration", "carriage_rate")
-    found = of_bench(signals=replace(bench_signals(), left={(role, "droop"): left for role in roles}))
+    repairs = {ErrorSource(SourceKind.REPAIR, role, "droop"): left for role in roles}
+    found = of_bench(signals=replace(bench_signals(), left=repairs))
     force, motion = found["brake_pressure droop"], found["recoil_acceleration droop"]
     assert (force.u, force.unit, force.kind) == (motion.u, motion.unit, motion.kind) == (1.0, "1", "B")
     error = left * bench().released
@@ -496,5 +499,5 @@ def test_a_pressure_that_was_not_recorded_has_no_zero_that_moves() -> None:
 def test_zeros_of_a_shot_without_a_filter_move_as_they_are() -> None:
     found = of_bench(regression=bench_regression())
     since = np.maximum(bench().times_s - FIRE_S, 0.0)
-    cause = found[moving_zero("breech_pressure", 0.3)]
-    np.testing.assert_allclose(cause.forces_n[:, 0], BORE_M2 * np.expm1(-since / 0.3), atol=1e-12)
+    cause = found[moving_zero("breech_pressure", 0.03)]
+    np.testing.assert_allclose(cause.forces_n[:, 0], BORE_M2 * np.expm1(-since / 0.03) / math.sqrt(3.0), atol=1e-12)

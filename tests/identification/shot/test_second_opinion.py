@@ -186,7 +186,7 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
             others.append((np.outer(-area * moved, np.eye(3)[j]), 0 * jerk, size))
     # what a repair of the accelerometer may have left
     others += [(np.zeros((jerk.size, 3)), left * rows.released, 1.0) for left in found.route.signals.left.values()]
-    assert {role for role, _ in found.route.signals.left} <= {"recoil_acceleration"}
+    assert {source.of for source in found.route.signals.left} <= {"recoil_acceleration"}
     for clock in {*clocks} - {shot.shot.reference_clock}:
         on_it = np.array([one == clock for one in clocks], dtype=float)
         u_s = shot.shot.alignment(clock).u_offset_s

@@ -14,6 +14,7 @@ from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.shot.channel_repair import level_samples, mend_samples
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_processing.shot.error_source import SourceKind
 from recoil_rigs.rig import parse_rig
 from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import bench_rig, bench_shot
@@ -112,6 +113,33 @@ def test_the_droop_of_a_chain_is_inverted_and_its_time_constant_is_a_row_of_the_
     assert droop.channel == "acc_recoil"
     (row,) = [row for row in found.chosen.estimate.budget if row.source == "recoil_acceleration droop"]
     assert 0 < row.u_kg < 1.0
+
+
+HELD = ("p_breech", "p_brake", "p_recuperator", "acc_recoil", "acc_carriage_x", "acc_carriage_y")
+
+
+@pytest.mark.whole_way
+@pytest.mark.parametrize(
+    ("names", "one_in"),
+    [(("p_breech",), 25), (("p_brake",), 25), (("acc_recoil",), 97), (HELD, 97)],
+    ids=["breech", "brake", "acceleration", "all"],
+)
+def test_samples_lost_one_by_one_cost_the_mass_what_its_budget_says(names, one_in):
+    virtual, sound = virtual_shot("field-2013", 3), identified("field-2013", 3).chosen.estimate
+    lost = {name: np.array(virtual.shot.channels[name].samples, dtype=np.float64) for name in names}
+    for samples in lost.values():
+        samples[np.random.default_rng(one_in).random(samples.size) < 1 / one_in] = np.nan
+    found = identify_shot(FiredShot(with_channels(virtual.shot, **lost), virtual.rig), Options())
+    estimate = found.chosen.estimate
+    bridged = {row.source: row.u_kg for row in estimate.budget if row.source.kind is SourceKind.BRIDGED}
+    role_of = {channel.name: channel.role for channel in virtual.rig.channels}
+    told = {f"{role_of[name]} bridged samples" for name in names}
+    assert bridged.keys() <= told
+    assert any(bridged.values())
+    assert abs(estimate.mass_kg - sound.mass_kg) < 3 * np.sqrt(0.05**2 + np.sum(np.square([*bridged.values()])))
+    assert estimate.u_kg < 1.05 * sound.u_kg
+    told = {one.channel for one in found.route.signals.repairs if one.repair.kind == "lost samples bridged"}
+    assert told == set(names)
 
 
 @pytest.mark.exhaustive

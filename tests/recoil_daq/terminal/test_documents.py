@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,17 @@ from recoil_daq import export, ingest_files, load_rig
 from recoil_daq.recording.check import check_rig
 from recoil_daq.recording.shot_log_rows import log_row, log_rows
 from recoil_daq.recording.simulate import Simulated
+from recoil_daq.terminal.campaign import print_campaign
 from recoil_daq.terminal.check import print_rig
 from recoil_daq.terminal.console import shown
 from recoil_daq.terminal.file import print_exported, print_simulated
 from recoil_daq.terminal.ingest import print_log, print_logged, print_verdict
 from recoil_daq.terminal.report import print_masses, print_report
+from recoil_identification.campaign.combination import combine
+from recoil_identification.report.document.campaign_document import campaign_document
+from recoil_identification.shot.baseline import Baseline
 from recoil_rigs.twin import TwinShot
+from tests.builders.campaign_summaries import campaign_of
 from tests.recoil_daq.conftest import Identified
 
 
@@ -68,6 +74,16 @@ def test_a_report_prints_as_its_file_does(identified: Identified) -> None:
     assert text.rstrip() == identified.result.output.rstrip()
 
 
+def test_what_is_alike_in_the_reports_of_many_shots_is_printed_once(identified: Identified) -> None:
+    told: set[str] = set()
+    first, second = (printed(identified.report, print_report, None, told) for _ in range(2))
+    assert first == printed(identified.report, print_report, None)
+    alike = ("taken as exact: ", "it is the mass that", "noise can only raise the RPE")
+    assert all(line in first and line not in second for line in alike)
+    assert "95 % interval" in second
+    assert "VALID" in second
+
+
 def test_a_calibration_that_does_not_cover_the_day_stands_beside_the_result(identified: Identified) -> None:
     text = "p_brake: calibration was due 2026-03-01, 1 day before the shot of 2026-03-02"
     finding = {"code": "calibration", "about": "p_brake", "severity": "warn", "text": text}
@@ -79,3 +95,16 @@ def test_a_calibration_that_does_not_cover_the_day_stands_beside_the_result(iden
         assert f"{word} {said}" in " ".join(shot.split())
     masses = printed([{**identified.report, "valid": True, "findings": [finding]}] * 2, print_masses)
     assert " ".join(masses.split()).count("a calibration does not cover") == 2
+
+
+def test_what_a_chart_fires_is_a_look_and_no_change_among_the_shots() -> None:
+    shots = [
+        replace(shot, baseline=(Baseline("p", "breech_pressure", "4711", 100.0 * k + k % 2, 50.0, "Pa", 0.0),))
+        for k, shot in enumerate(campaign_of((0.0,) * 8, seed=4).shots)
+    ]
+    document = campaign_document(combine(shots), version="1.2.3", inputs=[], parameters={"cutoff_hz": None})
+    fired = [one["detail"] for one in document["signals"] if one["kind"] == "chart"]
+    lines = printed(document, print_campaign, Path("campaign")).splitlines()
+    at = lines.index(f"Looks that the control charts ask for ({len(fired)}); they say nothing against the mass:")
+    assert lines[at + 1 : at + 1 + len(fired)] == [f"chart: {detail}" for detail in fired]
+    assert "Nothing changed among the shots." in lines

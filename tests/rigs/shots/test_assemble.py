@@ -64,6 +64,19 @@ def test_samples_that_the_file_marks_as_an_overload_are_counted_in_the_channel(t
     assert read(rig_of(""), "bar").overloads == 0
 
 
+def test_a_channel_that_stands_in_every_so_many_rows_has_its_own_rate():
+    rows = np.full(100, np.nan)
+    rows[3::10] = np.arange(10.0)
+    rows[53] = np.nan
+    recording = ArrayRecording({"AI 1/p": rows}, {"AI 1/p": "bar"})
+    before = recording.time_base("AI 1/p")
+    channel = assemble_channels(rig_of(""), {"recorder": recording}, "0.1.0")["p"]
+    np.testing.assert_allclose(channel.samples, 1e5 * np.array([0, 1, 2, 3, 4, np.nan, 6, 7, 8, 9]))
+    np.testing.assert_allclose(channel.time_base.times_s, before.times_s[3::10])
+    assert channel.time_base.step_s == pytest.approx(10 * before.step_s)
+    assert "take its own rows" in [step.what for step in channel.history]
+
+
 # ---- units
 
 

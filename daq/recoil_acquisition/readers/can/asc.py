@@ -11,7 +11,10 @@ import datetime as dt
 import re
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.readers.can.frames import DATE_FAULT, FD_LENGTHS, CanLog, FrameList, is_length_of
@@ -57,6 +60,8 @@ _DATE = re.compile(
     r"([^\W\d_]{3,12})\.?\s+(\d{1,2})\s+(\d{1,2}):(\d\d?):(\d\d?)(?:[.,](\d{1,6})\d*)?\s*(am|pm)?\s+(\d{4})\b",
     re.IGNORECASE,
 )
+LEAST_OF_DAY_S, LATEST_FIRST_S = 600.0, 60.0
+"""Time of day from which on stamps may be told to be of the day, and how long the first frame may be waited for."""
 _HEADER = re.compile(rb"^[ \t]*(?:date\b|begin[ \t]+triggerblock\b).*$", re.IGNORECASE | re.MULTILINE)
 _EVENT = re.compile(rb"^[ \t]*-?\d{1,9}\.\d", re.MULTILINE)
 
@@ -95,10 +100,15 @@ def read_asc(text: bytes, encoding: str = "utf-8") -> CanLog:
     if any(part.relative for part in parts):
         notes.append(Note(NoteCode.TIME, None, "stamps are relative to the event before: they were summed up"))
     start, fault = _asc_start(first.header)
+    frames = found.frames()[0]
+    if start is not None and (midnight := _of_the_day(start, frames.time_s)) is not None:
+        start = midnight
+        counted = "stamps begin at the time of day of the header's date: they are counted from midnight"
+        notes.append(Note(NoteCode.TIME, None, counted))
     notes += [Note(NoteCode.TIME, None, fault)] if fault else []
     said = {**first.header, "base": first.base, "timestamps": "relative" if first.relative else "absolute"}
     said |= {DATE_FAULT: fault} if fault else {}
-    return found.log(found.frames()[0], start, CUT * cut, list(dict.fromkeys(notes)), **said)
+    return found.log(frames, start, CUT * cut, list(dict.fromkeys(notes)), **said)
 
 
 @dataclass
@@ -353,6 +363,19 @@ def _asc_start(header: dict[str, str]) -> tuple[AbsoluteStart | None, str]:
         if header.get(key):
             fault = f"when the log began is not understood: {header[key][:80]!r} ({origin})"
     return None, fault
+
+
+def _of_the_day(start: AbsoluteStart, times_s: NDArray[np.float64]) -> AbsoluteStart | None:
+    """Return the midnight from which stamps count that are seconds of the day, as BUSMASTER writes them; else None.
+
+    A log that counts from its begin has a first stamp of hours only by chance within a minute behind the time of day.
+    """
+    begin = dt.datetime.fromisoformat(start.text)
+    midnight = begin.replace(hour=0, minute=0, second=0, microsecond=0)
+    of_day_s = (begin - midnight).total_seconds()
+    if not times_s.size or of_day_s < LEAST_OF_DAY_S or not -1.0 <= float(times_s[0]) - of_day_s <= LATEST_FIRST_S:
+        return None
+    return replace(start, text=midnight.isoformat(timespec="milliseconds"))
 
 
 def _date(text: str) -> dt.datetime | None:

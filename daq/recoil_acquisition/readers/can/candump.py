@@ -4,12 +4,14 @@ Layout: ``candump -L`` writes ``(seconds.microseconds) interface id#data`` with 
 identifier, ``##`` and a flags digit before FD data, ``#R`` for a remote frame, and the error flag 0x20000000 in
 the identifier of an error frame (``linux/can.h``, can-utils' ``lib.h``). Classic frames of eight bytes may end in ``_``
 and their length code, 9 to F. What candump prints on a screen, ``(stamp) interface [RX - -] id [length] data``, is
-read too, if it has stamps: of seconds as in a log, or with ``-tA`` of the host's local date and time.
+read too, if it has stamps: of seconds as in a log, or with ``-tA`` of the host's local date and time. Lines that begin
+with ``#`` are remarks, which canplayer passes over.
 """
 
 from __future__ import annotations
 
 import datetime as dt
+import io
 import re
 from dataclasses import replace
 
@@ -43,7 +45,8 @@ _BYTES = re.compile(rb"(?:[0-9A-Fa-f]{2})*", re.ASCII)
 
 def is_candump(text: str) -> bool:
     """Return whether a text begins with an entry of a candump log, or as candump prints it on a screen."""
-    first = text.lstrip("\n").split("\n", 1)[0].strip().encode("utf-8", "replace")
+    lines = (line.strip() for line in io.StringIO(text))
+    first = next((line for line in lines if line and not line.startswith("#")), "").encode("utf-8", "replace")
     return _LINE.fullmatch(first) is not None or _SCREEN.fullmatch(first) is not None
 
 
@@ -104,6 +107,8 @@ def _in_order_of_appearance(frames: CanFrames, interfaces: list[bytes]) -> tuple
 
 def _read_line(line: bytes, interfaces: dict[bytes, int], found: FrameList) -> bool:
     """Read one entry; whatever is no data frame is counted; return whether its stamp is a local date."""
+    if line.startswith(b"#"):
+        return False
     match = _LINE.fullmatch(line)
     if match is None:
         return _read_screen(line, interfaces, found)

@@ -8,6 +8,8 @@ takes a few array operations. The numbering is that of the DBC format.
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,6 +21,8 @@ from numpy.typing import NDArray
 UInt64Array = NDArray[np.uint64]
 
 _WORD = 8
+_FEW = 16
+"""Stored numbers for each that a database names, from which on the named ones are exceptions of a measurement."""
 _ROWS = 16384
 """Frames that are decoded at once: they stay in the processor's cache."""
 
@@ -113,6 +117,10 @@ class SignalLayout:
         Name of the signal that says when this one is in the frame; empty if it always is.
     multiplexer_ranges
         Ranges of values of the multiplexer with which the signal is in the frame.
+    raw_limits
+        Least and largest stored number of the database's range; None where it states none.
+    codes
+        Stored numbers that are no measurement, from and to, and what they are called.
     """
 
     name: str
@@ -124,6 +132,8 @@ class SignalLayout:
     offset: float
     multiplexer: str
     multiplexer_ranges: tuple[range, ...]
+    raw_limits: tuple[int, int] | None = None
+    codes: tuple[tuple[int, int, str], ...] = ()
 
     @property
     def bytes_needed(self) -> int:
@@ -142,7 +152,7 @@ class SignalLayout:
         return bits
 
     def decode(self, data: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """Return the values of frames that are long enough, shape (n_frames,)."""
+        """Return the values of frames that are long enough, shape (n_frames,); NaN where a code stands for one."""
         values = np.empty(len(data), dtype=np.float64)
         for at in range(0, len(data), _ROWS):
             raw = self.raw(data[at : at + _ROWS])
@@ -152,7 +162,33 @@ class SignalLayout:
             part[:] = raw
             part *= self.scale
             part += self.offset
+            for low, high, _ in self.codes:
+                part[(raw >= low) & (raw <= high)] = np.nan
         return values
+
+    def remarkable(self, data: NDArray[np.uint8]) -> tuple[dict[str, int], int]:
+        """Count what is no measurement, or beyond what the database says, of frames that are long enough.
+
+        Returns
+        -------
+        codes
+            How many frames hold each code, by what it is called.
+        outside
+            How many hold another number outside of the database's range.
+        """
+        if self.raw_limits is None and not self.codes:
+            return {}, 0
+        raw = self.raw(data)
+        outside = np.zeros(raw.size, dtype=bool)
+        if self.raw_limits is not None:
+            outside = (raw < self.raw_limits[0]) | (raw > self.raw_limits[1])
+        found: dict[str, int] = {}
+        for low, high, called in self.codes:
+            held = (raw >= low) & (raw <= high)
+            outside &= ~held
+            if held.any():
+                found[called] = found.get(called, 0) + int(np.count_nonzero(held))
+        return found, int(np.count_nonzero(outside))
 
 
 def layout_of(signal: Any) -> SignalLayout | None:
@@ -165,6 +201,7 @@ def layout_of(signal: Any) -> SignalLayout | None:
     """
     if not 1 <= signal.length <= 64 or (signal.is_float and signal.length not in (16, 32, 64)):
         return None
+    limits = None if signal.is_float else _raw_limits(signal)
     return SignalLayout(
         name=signal.name,
         unit=signal.unit or "",
@@ -177,7 +214,61 @@ def layout_of(signal: Any) -> SignalLayout | None:
         multiplexer_ranges=tuple(
             one if isinstance(one, range) else range(one, one + 1) for one in signal.multiplexer_ids or ()
         ),
+        raw_limits=limits,
+        codes=() if signal.is_float else _codes(signal, limits),
     )
+
+
+def _raw_limits(signal: Any) -> tuple[int, int] | None:
+    """Return the stored numbers of a database's least and largest value; None where it states no range."""
+    if signal.minimum is None or signal.maximum is None or not signal.minimum < signal.maximum or not signal.scale:
+        return None
+    ends = [(float(end) - float(signal.offset)) / float(signal.scale) for end in (signal.minimum, signal.maximum)]
+    if not all(math.isfinite(end) for end in ends):
+        return None
+    low, high = sorted(round(end) for end in ends)
+    return low, high
+
+
+def _codes(signal: Any, limits: tuple[int, int] | None) -> tuple[tuple[int, int, str], ...]:
+    """Return the stored numbers that are no measurement: named by the database, or of a standard, beyond its range.
+
+    A number that the database names and has in its range is one that may be measured, such as a gear. Where it states
+    no range, names of the largest numbers alone are those of codes. Beyond the range SAE J1939-71 has the largest
+    numbers for what is not available, in error, or reserved, from FB in the highest byte on, and NMEA 2000 the three
+    largest.
+    """
+    length = int(signal.length)
+    least, most = (-(1 << length - 1), (1 << length - 1) - 1) if signal.is_signed else (0, (1 << length) - 1)
+    named = {int(raw): str(name) for raw, name in (signal.choices or {}).items() if least <= int(raw) <= most}
+    if limits is None:
+        named = _last_of_all(named, most)
+        return tuple((raw, raw, f"{raw} {name!r}") for raw, name in named.items())
+    low, high = limits
+    codes = [(raw, raw, f"{raw} {name!r}") for raw, name in named.items() if not low <= raw <= high]
+    reserved = 1
+    if length >= 8:
+        reserved = 3 if signal.is_signed or length % 8 else 5 << length - 8
+    begin = max(most - reserved + 1, high + 1)
+    taken = sorted(raw for raw in named if begin <= raw <= most)
+    for first, stop in itertools.pairwise([begin - 1, *taken, most + 1]):
+        if stop - first > 1:
+            codes.append((first + 1, stop - 1, f"{_hexadecimal(first + 1, length)} and above"))
+    return tuple(codes)
+
+
+def _last_of_all(named: dict[int, str], most: int) -> dict[int, str]:
+    """Return the names of the largest numbers, if these follow one another to the end and are few of all."""
+    last = {}
+    raw = most
+    while raw in named:
+        last[raw] = named[raw]
+        raw -= 1
+    return last if len(named) == len(last) and _FEW * len(last) <= most else {}
+
+
+def _hexadecimal(raw: int, length: int) -> str:
+    return f"0x{raw:0{-(-length // 4)}X}"
 
 
 def told_apart(names: Sequence[str]) -> list[str]:

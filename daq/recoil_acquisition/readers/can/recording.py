@@ -7,7 +7,7 @@ decoded at once.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -284,6 +284,7 @@ class _Signal:
         """Return the stored integers, unless the signal is a float or a frame was too short to hold it."""
         layout = self.layout
         complete = bool((self.messages.length[self.held] >= layout.bytes_needed).all())
+        complete = complete and not (layout.codes and layout.remarkable(self.messages.data[self.held])[0])
         if layout.kind == "float" or not complete or (layout.kind == "unsigned" and layout.length == 64):
             return None
         counts = layout.raw(self.messages.data[self.held][start:stop]).astype(np.int64)
@@ -338,5 +339,24 @@ def _signals(messages: Messages, notes: list[Remark]) -> list[_Signal]:
             name = f"{messages.name}.{layout.name}"
             text = f"{name}: {short} frames are too short to hold it: lost samples"
             notes.append(Note(NoteCode.LOST, name, text))
+        chosen = held & (messages.length >= layout.bytes_needed)
+        notes += _remarkable(f"{messages.name}.{layout.name}", layout, messages.data[chosen])
         signals.append(_Signal(messages, layout, held))
     return signals
+
+
+def _remarkable(name: str, layout: SignalLayout, data: NDArray[np.uint8]) -> Iterator[Remark]:
+    """Say which samples are codes, and which are beyond what the database says."""
+    codes, outside = layout.remarkable(data)
+    if codes:
+        shown = ", ".join(f"{code} x{count}" for code, count in codes.items())
+        text = f"{name}: {sum(codes.values())} of {len(data)} frames hold a code that is no measurement ({shown})"
+        yield Note(NoteCode.LOST, name, f"{text}: lost samples")
+    if outside and layout.raw_limits is not None:
+        low, high = (layout.scale * raw + layout.offset for raw in layout.raw_limits)
+        text = (
+            f"{name}: {outside} of {len(data)} frames hold a value outside of the database's range, "
+            f"{min(low, high):.6g} to {max(low, high):.6g} {layout.unit}".rstrip()
+            + ": they are taken as they are"
+        )
+        yield Note(NoteCode.CONTRADICTION, name, text)

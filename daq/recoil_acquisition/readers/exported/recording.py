@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.readers.exported.header import ExportedHeader
+from recoil_acquisition.readers.own_rows import about_rows, own_rows
 from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
@@ -74,14 +75,19 @@ class _Rows:
     def notes(self) -> tuple[Remark, ...]:
         """Say which rows and samples are missing, and whether the clock was mapped."""
         lost = ((s.name, self._columns[i]) for i, s in enumerate(self._header.signals, start=1))
-        losses = (
-            Note(NoteCode.LOST, name, f"{name}: {count} of {column.size} samples are lost")
-            for name, column in lost
-            if (count := int(np.isnan(column).sum()))
-        )
+        losses = (note for name, column in lost for note in _about_lost(name, column))
         said = self._header.metadata
         own, reference = said.get("clock"), said.get("reference_clock")
         mapped = said.get("aligned") is True and own != reference
         cut = [Note(NoteCode.CUT, None, self._incomplete)] if self._incomplete else []
         text = f"the time was mapped from the clock {own!r} to {reference!r} when it was exported"
         return (*cut, *losses, *([Note(NoteCode.TIME, None, text)] if mapped else []))
+
+
+def _about_lost(name: str, column: NDArray[np.float64]) -> tuple[Note, ...]:
+    rows = own_rows(column)
+    if rows is not None:
+        return about_rows(name, column, rows)
+    count = int(np.isnan(column).sum())
+    text = f"{name}: {count} of {column.size} samples are lost"
+    return (Note(NoteCode.LOST, name, text),) if count else ()

@@ -21,10 +21,12 @@ START = frozenset(
     {"starttime", "startdatetime", "wfstarttime", "recordingstart", "absolutestart", "startstoretime"}
     | {"startmeasuretime", "datetime", "t0"}
 )
-SCALE = frozenset({"scalefactor"})
-SHIFT = frozenset({"addoffset"})
+SCALES = {"scalefactor": "addoffset", "conversion": "offset"}
+"""Names of a factor and of what is added behind it: netCDF's and HDF5 dimension scales', and NWB's."""
 LOST = frozenset({"fillvalue", "missingvalue"})
 OTHER_SCALING = frozenset({"gain", "scale", "slope", "sensitivity", "factor", "calibration", "multiplier", "scaling"})
+_SCALING = ("scal", "factor", "gain", "slope", "sensitiv", "calib", "multipl", "conversion", "lsb", "coef", "perbit")
+"""Parts of names of numbers that may be a factor or a part of a line."""
 
 
 def is_time_name(name: str) -> bool:
@@ -72,6 +74,37 @@ class Found:
     value: Any
 
 
+@dataclass(frozen=True)
+class Scaling:
+    """Line by which a dataset's attributes scale its numbers: ``gain * stored + zero``.
+
+    Attributes
+    ----------
+    open
+        Attribute that may scale, too, in a way that no standard tells; None if there is none.
+    """
+
+    gain: float
+    zero: float
+    open: Found | None
+
+    @classmethod
+    def of(cls, attributes: Mapping[str, Any]) -> Scaling:
+        """Find what scales a dataset."""
+        found = [(find_number(attributes, frozenset({name})), shift) for name, shift in SCALES.items()]
+        scales = [(scale, find_number(attributes, frozenset({shift}))) for scale, shift in found if scale is not None]
+        shift = find_number(attributes, frozenset({"addoffset"})) if not scales else scales[0][1]
+        used = {one.name for pair in scales[:1] for one in pair if one is not None}
+        others = (
+            Found(name, value)
+            for name, value in attributes.items()
+            if name not in used and (folded(name) in OTHER_SCALING or _may_scale(name, value))
+        )
+        return cls(
+            float(scales[0][0].value) if scales else 1.0, float(shift.value) if shift else 0.0, next(others, None)
+        )
+
+
 def find(attributes: Mapping[str, Any], names: frozenset[str]) -> Found | None:
     """Find the first attribute with one of the folded names."""
     return next((Found(n, v) for n, v in attributes.items() if folded(n) in names), None)
@@ -89,6 +122,11 @@ def find_number(attributes: Mapping[str, Any], names: frozenset[str]) -> Found |
         if np.isfinite(number):
             return Found(name, number)
     return None
+
+
+def _may_scale(name: str, value: Any) -> bool:
+    number = isinstance(value, (int, float, list)) and not isinstance(value, bool)
+    return number and any(part in folded(name) for part in _SCALING)
 
 
 def find_start(attributes: Mapping[str, Any]) -> tuple[str, datetime] | None:

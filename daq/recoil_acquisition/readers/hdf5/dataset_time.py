@@ -116,4 +116,9 @@ class DatasetTimes:
             text = f"{time.label}: no unit is stated: read as seconds"
             self._notes.append(Note(NoteCode.TIME, time.label, text))
         factor = (factors.pop() if factors else None) or 1.0
-        return time_from_vector(self._clock, time.vector.stored(), factor, time.label, self._notes)
+        scaling, stored = attribute.Scaling.of(time.own), time.vector.stored()
+        if scaling.open is not None:
+            return f"{time.label} has the attribute {scaling.open.name}, whose meaning is open"
+        if scaling.zero and scaling.gain:
+            stored = stored + scaling.zero / scaling.gain
+        return time_from_vector(self._clock, stored, scaling.gain * factor, time.label, self._notes)

@@ -142,19 +142,19 @@ def _channel(
     left_out: dict[str, str],
 ) -> StoredChannel | None:
     vector, base = data.vector, time.time_base
-    other = find(data.own, attribute.OTHER_SCALING)
+    scaling = attribute.Scaling.of(data.own)
+    other = scaling.open
     if other is not None and vector.dtype.kind in "iu":
         left_out[data.label] = f"integers with the attribute {other.name}, whose meaning is open"
         return None
     if other is not None:
         text = f"{data.label}: the attribute {other.name} = {other.value} is not applied"
         notes.append(Note(NoteCode.UNITS, data.label, text))
-    scale, shift = find_number(data.own, attribute.SCALE), find_number(data.own, attribute.SHIFT)
     lost = find_number(data.own, attribute.LOST)
     unit = find(data.own, attribute.UNIT)
     if unit is None:
         notes.append(Note(NoteCode.UNITS, data.label, f"{data.label}: no unit is stated"))
-    gain, zero = scale.value if scale else 1.0, shift.value if shift else 0.0
+    gain, zero = scaling.gain, scaling.zero
     base = base.shifted(offset_s, start)
     text = str(unit.value) if unit else ""
     header = SignalHeader(data.label, text, base.count, metadata={"time": source, "attributes": dict(data.own)})

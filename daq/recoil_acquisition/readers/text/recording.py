@@ -11,6 +11,7 @@ from typing import Any
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.overload import about_overload
+from recoil_acquisition.readers.own_rows import about_rows, own_rows
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.text.cells import is_number, unique_names
 from recoil_acquisition.readers.text.column_store import ColumnStore
@@ -210,10 +211,16 @@ class _Table:
         over, count = self.columns.overloads, self._block.row_count
         empty = self.columns.lost - over
         losses = [
-            Note(NoteCode.LOST, name, f"{name}: {empty[i]} of {count} cells are empty: lost samples")
-            for name, i in self.column_of.items()
-            if empty[i]
+            note for name, i in self.column_of.items() if empty[i] for note in self._about_empty(name, i, empty[i])
         ]
         losses += [about_overload(name, over[i], count) for name, i in self.column_of.items() if over[i]]
         dropped = [Note(NoteCode.CUT, None, self._block.dropped)] if self._block.dropped else []
         return (*dropped, *losses, *self._time[1])
+
+    def _about_empty(self, name: str, column: int, empty: int) -> tuple[Remark, ...]:
+        """Return the notes on a column's empty cells: that it is slower than the table, or what it lost."""
+        if 2 * empty + 1 >= (count := self._block.row_count):
+            rows = own_rows(samples := self.columns.column(column))
+            if rows is not None:
+                return about_rows(name, samples, rows)
+        return (Note(NoteCode.LOST, name, f"{name}: {empty} of {count} cells are empty: lost samples"),)

@@ -21,7 +21,8 @@ class RowFormat:
     columns
         Names of the columns, for messages.
     width
-        Number of cells per row: one more than there are columns where rows end with a separator.
+        Number of cells per row: more than there are columns where rows end with a separator, or with the empty cells
+        of a spreadsheet.
     missing
         Texts, or numbers, that stand for a lost sample beside the usual ones.
     comment
@@ -42,11 +43,6 @@ class RowFormat:
     comment: str = ""
     thousands: str | None = None
     heading: bytes = b""
-
-    @property
-    def ends_with_separator(self) -> bool:
-        """Whether a separator ends each row, so that a cell without a column follows."""
-        return self.width > len(self.columns)
 
     def wrong_width(self, line: int, width: int) -> CorruptFileError:
         """Return what is wrong with a row of another width."""

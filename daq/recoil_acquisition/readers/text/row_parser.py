@@ -240,11 +240,11 @@ class RowParser:
         if parsed is None:
             parsed = parse_strictly(rows, text, line, self._text_columns)
         values, texts = parsed
-        if rows.ends_with_separator:
-            extra = np.flatnonzero(~np.isnan(values[:, -1]))
-            if extra.size:
-                raise rows.wrong_width(line + int(extra[0]), rows.width)
-            values = values[:, :-1]
+        # cells behind the columns are there to be empty
+        extra = np.flatnonzero(~np.isnan(values[:, len(rows.columns) :]).all(axis=1))
+        if extra.size:
+            raise rows.wrong_width(line + int(extra[0]), rows.width)
+        values = values[:, : len(rows.columns)]
         if self._grouping is not None:
             self._grouping.look(values, text, line)
         return values, texts

@@ -24,6 +24,9 @@ PIECE_BYTES = 3 << 20
 THREADS = 2
 """Pieces that are gone through at a time."""
 
+MOST_EMPTY = 64
+"""Empty cells behind the columns, which a spreadsheet saves with every row, up to which they are passed over."""
+
 
 @dataclass(frozen=True)
 class RowRange:
@@ -179,8 +182,7 @@ def find_block(
             "there is no complete row of numbers", path=file.path, place=f"line {first_line}", remedy="export it again"
         )
     stop = base + len(rows)
-    cells = _width(_first_row(file, start, stop, comment), separator)
-    width = len(columns) + (cells == len(columns) + 1)
+    width = len(columns) + _empty_behind(_first_row(file, start, stop, comment), separator, len(columns))
     rows_as_written = RowFormat(
         file.path, file.encoding, separator, tuple(columns), width, decimal_comma, tuple(missing), comment, thousands,
         _line_above(file, start),
@@ -208,6 +210,14 @@ def _width(row: bytes, separator: str) -> int:
     if b'"' not in row:
         return row.count(separator.encode()) + 1
     return len(split_cells(row.decode("utf-8", errors="replace"), separator))
+
+
+def _empty_behind(row: bytes, separator: str, columns: int) -> int:
+    """Return how many cells follow those of the columns: one that a separator ends, or those of a spreadsheet."""
+    if _width(row, separator) <= columns:
+        return 0
+    behind = split_cells(row.decode("utf-8", errors="replace"), separator)[columns:]
+    return len(behind) if len(behind) <= MOST_EMPTY and not any(cell.strip() for cell in behind) else 0
 
 
 def _text_columns(block: TextBlock) -> dict[int, str]:

@@ -259,6 +259,9 @@ def _from_stamps(
     try:
         rate_hz, others = rate_from_stamps(seconds, resolution_s)
     except ValueError as error:
+        over_gaps = _over_gaps(source, columns, seconds[:], resolution_s, clock)
+        if over_gaps is not None:
+            return over_gaps
         raise ReadError(
             f"absolute time is not fine enough: {error}", path=path, place="time column", remedy=source.remedy
         ) from error
@@ -267,3 +270,47 @@ def _from_stamps(
         texts.append(f"the record is too short to exclude {', '.join(f'{rate:g}' for rate in others)} Hz")
     base = source.uniform(path, clock, seconds.size, (0.0, 1.0 / rate_hz))
     return base, tuple(Note(NoteCode.TIME, None, text) for text in texts)
+
+
+def _over_gaps(
+    source: TimeSource, columns: ColumnStore, times_s: NDArray[np.float64], resolution_s: float, clock: str
+) -> tuple[TimeBase, tuple[Remark, ...]] | None:
+    """Rebuild instants of rows of which some are missing; None if the stamps are not those of one rate with gaps.
+
+    The longest stretch without a gap tells the rate, and every stamp must be of a row of it.
+
+    Raises
+    ------
+    CorruptFileError
+        If a gap is one of whole hours: then the clock was set, as at the begin of summer time.
+    """
+    steps, usual_s = np.diff(times_s), _usual_step(times_s)
+    gaps = np.flatnonzero(steps > 1.5 * usual_s)
+    if usual_s < 2.0 * resolution_s or not gaps.size:
+        return None
+    ends = np.array([0, *(gaps + 1), times_s.size])
+    longest = int(np.argmax(np.diff(ends)))
+    try:
+        rate_hz, _ = rate_from_stamps(times_s[ends[longest] : ends[longest + 1]], resolution_s)
+    except ValueError:
+        return None
+    row = np.rint((times_s - times_s[0]) * rate_hz)
+    if np.ptp(times_s - row / rate_hz) > resolution_s * (1 + 1e-6) + 1e-9 or (np.diff(row) < 1).any():
+        return None
+    lost_s = steps[gaps] - usual_s
+    hours = np.rint(lost_s / 3600.0)
+    set_at = np.flatnonzero((hours > 0) & (np.abs(lost_s - 3600.0 * hours) <= 2.0 * resolution_s))
+    if set_at.size:
+        gap = int(set_at[0])
+        raise CorruptFileError(
+            f"the clock jumps by {lost_s[gap]:g} s, as at the begin of summer time", path=columns.block.file.path,
+            place=_place(columns, int(gaps[gap]) + 1), expected="stamps of a clock that is not set",
+            remedy="export with time in UTC or from the start, or take the recordings apart there",
+        )  # fmt: skip
+    first, lost = int(gaps[0]), int(row[-1]) + 1 - row.size
+    several = "gap" if gaps.size == 1 else f"gaps, the first of {steps[first]:g} s"
+    text = (
+        f"{lost} rows are missing in {gaps.size} {several} before {_place(columns, first + 1)}: absolute time resolves "
+        f"{resolution_s:g} s, and instants are those of {rate_hz:g} Hz"
+    )
+    return TimeBase.stamped(clock, row / rate_hz, source.start), (Note(NoteCode.LOST, None, text),)

@@ -131,6 +131,11 @@ def charted(document: Document) -> list[str]:
     return [signal["detail"] for signal in document["signals"] if signal["kind"] == SignalKind.CHART]
 
 
+def looks_asked_for(count: int) -> str:
+    """Head what so many charts show."""
+    return f"Looks that the control charts ask for ({count}); they say nothing against the mass"
+
+
 def facts(document: Document) -> list[tuple[str, str]]:
     """Label and text of what stands in small print under the verdict."""
     gain, friction = document["repeatability"]["gain_rel"], document["repeatability"]["friction_rel"]

@@ -226,7 +226,7 @@ def _of_campaign(document: Document) -> Head:
         ("from shot to shot", verdict["between"] != NO_NUMBER and f"{verdict['between']} {unit}", None),
     ]
     charted = tuple(campaign_tables.charted(document))
-    looks = f"Looks that the control charts ask for ({len(charted)}); they say nothing against the mass"
+    looks = campaign_tables.looks_asked_for(len(charted))
     told = (campaign_tables.unchanged, campaign_tables.agreement, campaign_tables.constancy)
     words = (*_measurand(document), *(one(document) for one in told))
     return Head(

@@ -294,8 +294,8 @@ def _systematic(
     causes[SHARE] = m.u.get("unread_share", 0.0) * read
     causes[FORCE] = m.unread_force * float(np.nanmax(np.abs(read), initial=0.0)) * free
     causes["packing friction"] = m.u.get("friction", 0.0) * free
-    for (role, cause), left in signals.left.items():
-        factor = specification.mass_kg if role == "recoil_acceleration" else dict(RESISTANCE).get(role)
+    for source, left in signals.left.items():
+        factor = specification.mass_kg if source.of == "recoil_acceleration" else dict(RESISTANCE).get(source.of)
         if factor is not None:
-            causes[f"{role} {cause}"] = left * (factor if isinstance(factor, float) else getattr(m, factor))
+            causes[source] = left * (factor if isinstance(factor, float) else getattr(m, factor))
     return {cause: error[window] for cause, error in causes.items() if np.any(error)}

@@ -83,7 +83,7 @@ def sensor_errors(
     fired: FiredShot,
     prepared: Prepared,
     columns: Columns,
-    left: Mapping[tuple[str, str], Array],
+    left: Mapping[ErrorSource, Array],
     rest: Mapping[str, float],
     onset_s: float,
 ) -> list[SensorError]:
@@ -154,10 +154,9 @@ def sensor_errors(
     for role, directions in zeros.items():
         unit = "rad/s" if role in RATE_ROLES else "m/s^2"
         add(ErrorSource(SourceKind.ZERO, role), signals.offsets[role].u, unit, directions)
-    for role, cause in signals.left:
-        if role in ("recoil_acceleration", "carriage_acceleration_x", "carriage_acceleration_y"):
-            source = ErrorSource(SourceKind.REPAIR, role, cause)
-            add(source, 1.0, "1", {COLUMNS_OF[role][0]: left[role, cause]})
+    for source in signals.left:
+        if source.of in ("recoil_acceleration", "carriage_acceleration_x", "carriage_acceleration_y"):
+            add(source, 1.0, "1", {COLUMNS_OF[source.of][0]: left[source]})
     for field, unit in (("XA", "m"), ("YA", "m"), ("phi10", "rad"), ("phi20", "rad"), ("L", "m")):
         add(ErrorSource(SourceKind.DECLARED, field), m.u.get(field, 0.0), unit, {}, field)
     add(ErrorSource(SourceKind.FORCE_LINE), math.hypot(m.u.get("e", 0.0), m.u.get("d", 0.0)), "m", {}, "force_line")

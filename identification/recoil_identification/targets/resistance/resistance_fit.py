@@ -136,9 +136,9 @@ def _changed(record: ResistanceRecord, role: str, pressure_pa: Array) -> dict[st
     if record.u_clock_s[role] > 0:
         slope = np.gradient(pressure_pa, times)
         changed["clock of the gauge"] = pressure_pa + record.u_clock_s[role] * slope
-    for (of, cause), left in record.left_pa.items():
-        if of == role:
-            changed[cause] = pressure_pa + np.interp(times, record.times_s, left)
+    for source, left in record.left_pa.items():
+        if source.of == role:
+            changed[source.detail] = pressure_pa + np.interp(times, record.times_s, left)
     return changed
 
 

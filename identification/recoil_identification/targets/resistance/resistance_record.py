@@ -19,6 +19,7 @@ from recoil_identification.shot.preparation import Prepared
 from recoil_identification.targets.resistance.resistance_law import block_means
 from recoil_identification.targets.resistance.shot_balance import Terms
 from recoil_processing.gaps import bridge
+from recoil_processing.shot.error_source import ErrorSource
 from recoil_processing.shot.gauge_zero import moving_zero_pa
 from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
@@ -62,8 +63,8 @@ class ResistanceRecord(ReadOnlyArrays):
         Standard uncertainty of each gauge's instants against the motion's, s; keys are roles.
     breech_lacks_n : ndarray, shape (n,)
         Force that the breech gauge reads too little by its zero, as it reads once the bore is empty.
-    left_pa : mapping of (str, str) to ndarray, shape (n,)
-        Remainders by role and cause: what a repair may have left.
+    left_pa : mapping of ErrorSource to ndarray, shape (n,)
+        Errors that repairs may have left.
     zero_assumed
         Whether the recuperator's zero is `ASSUMED_ZERO`.
     """
@@ -83,7 +84,7 @@ class ResistanceRecord(ReadOnlyArrays):
     u_moving_pa: Mapping[str, float]
     u_clock_s: Mapping[str, float]
     breech_lacks_n: Array
-    left_pa: Mapping[tuple[str, str], Array]
+    left_pa: Mapping[ErrorSource, Array]
     zero_assumed: bool
 
 
@@ -177,7 +178,7 @@ def resistance_record(
         u_moving_pa={role: _moving_pa(fired.rig, role, signals.series[role]) for role in PRESSURE_ROLES},
         u_clock_s=clocks,
         breech_lacks_n=lacking_n[part, 0],
-        left_pa={key: left[part] for key, left in signals.left.items() if key[0] in PRESSURE_ROLES},
+        left_pa={source: left[part] for source, left in signals.left.items() if source.of in PRESSURE_ROLES},
         zero_assumed=bool(assumed),
     )
 

@@ -263,6 +263,8 @@ def _force_sign(signals: Signals, rig: Rig, low_pass: LowPass) -> Outcome | None
             return None
         smooth, trusted = low_pass.apply_with_gaps(samples, signals.rate_hz)
         filtered.append(np.where(trusted, smooth, np.nan))
+    if not np.isfinite(filtered[0]).any():
+        return None
     drives = np.abs(filtered[0]) > DRIVING_SHARE * np.nanmax(np.abs(filtered[0]))
     compared = [spec for role in ("breech_pressure", "recoil_acceleration") for spec in rig.with_role(role)]
     reversed_by = [spec.name for spec in compared if spec.polarity < 0]

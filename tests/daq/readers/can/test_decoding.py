@@ -74,7 +74,12 @@ def test_every_message_of_real_databases_decodes_as_cantools_does(name: str) -> 
                 if held:
                     with np.errstate(all="ignore"):
                         found = layout.decode(data[i : i + 1])[0]
-                    np.testing.assert_allclose(found, float(expected[signal_name]), rtol=1e-15, equal_nan=True)
+                    value, of = float(expected[signal_name]), message.get_signal_by_name(signal_name)
+                    if np.isnan(found) and not np.isnan(value):  # a code: named, or beyond the range
+                        beyond = of.minimum is not None and not of.minimum <= value <= of.maximum
+                        assert beyond or of.choices
+                        continue
+                    np.testing.assert_allclose(found, value, rtol=1e-15, equal_nan=True)
                     compared += 1
     assert compared >= 12
 
@@ -116,3 +121,56 @@ def test_a_signal_whose_multiplexer_is_not_in_the_frame_is_not_in_it_either() ->
     assert present(layouts["low"], layouts, exact, np.array([8, 9])).tolist() == [False, True]
     assert present(layouts["kind"], layouts, wide, np.array([8, 9, 12])).all()
     assert present(replace(layouts["low"], multiplexer="none"), layouts, narrow, np.array([8, 8])).all()
+
+
+def signal_with(
+    *,
+    length: int,
+    signed: bool = False,
+    limits: tuple[float, float] | None = None,
+    choices: dict[int, str] | None = None,
+) -> Signal:
+    low, high = limits or (None, None)
+    conversion = BaseConversion.factory(0.5, -3.0, choices=choices)  # type: ignore[arg-type]
+    return Signal("s", 0, length, is_signed=signed, conversion=conversion, minimum=low, maximum=high)
+
+
+def decoded(signal: Signal, raws: list[int]) -> list[float]:
+    layout = layout_of(signal)
+    assert layout is not None
+    data = np.array([(raw & ((1 << signal.length) - 1)) for raw in raws], dtype="<u8").view(np.uint8).reshape(-1, 8)
+    return layout.decode(data).tolist()
+
+
+@pytest.mark.parametrize(
+    ("signal", "measured", "codes"),
+    [
+        # named beyond the range, and within it: a gear is measured
+        (signal_with(length=11, limits=(-3, 1000), choices={2: "N", 2046: "a", 2047: "b"}), [0, 2, 2006], [2046, 2047]),
+        # SAE J1939-71, section 5.1.4: what is beyond FA in the highest byte
+        (signal_with(length=16, limits=(-3, 32124.5)), [0, 0xFAFF], [0xFB00, 0xFE12, 0xFFFF]),
+        (signal_with(length=8, limits=(-3, 122)), [0, 250], [251, 254, 255]),
+        (signal_with(length=2, limits=(-3, -2.5)), [0, 1, 2], [3]),
+        # NMEA 2000: the three largest of a signed number
+        (signal_with(length=16, signed=True, limits=(-100, 100)), [-194, 206, 0x7FFC], [0x7FFD, 0x7FFE, 0x7FFF]),
+        # without a range the names of the last numbers of all, where they are few
+        (signal_with(length=12, choices={4094: "error", 4095: "not there"}), [0, 4093], [4094, 4095]),
+        (signal_with(length=2, choices={0: "off", 1: "on", 2: "error", 3: "not there"}), [0, 1, 2, 3], []),
+        (signal_with(length=12, choices={0: "zero", 4095: "full"}), [0, 4095], []),
+        (signal_with(length=16), [0, 0xFFFF], []),
+        # a range that goes to the end has nothing beyond it
+        (signal_with(length=16, limits=(-3, 32764.5)), [0, 0xFFFF], []),
+    ],
+)
+def test_a_code_is_no_measurement_and_what_a_range_does_not_hold_is_one(
+    signal: Signal, measured: list[int], codes: list[int]
+) -> None:
+    assert decoded(signal, measured) == [0.5 * raw - 3.0 for raw in measured]
+    assert np.isnan(decoded(signal, codes)).all()
+
+
+def test_codes_and_what_is_outside_of_a_range_are_counted() -> None:
+    layout = layout_of(signal_with(length=16, limits=(-3, 997), choices={0xFFFF: "SNA"}))
+    assert layout is not None
+    data = np.array([0, 2000, 2001, 3000, 0xFE00, 0xFFFF, 0xFFFF], dtype="<u8").view(np.uint8).reshape(-1, 8)
+    assert layout.remarkable(data) == ({"65535 'SNA'": 2, "0xFB00 and above": 1}, 2)

@@ -103,6 +103,50 @@ def test_integers_with_an_unknown_scaling_are_named_and_left_out(tmp_path: Path)
     assert raw.counts.dtype == np.int32
 
 
+@pytest.mark.parametrize(
+    "attributes",
+    [
+        {"conversion_factor": 1e-3}, {"lsb": 0.5}, {"CoefA": 2.0}, {"calibration_factor": 3.0}, {"scaling_factor": 2.0},
+        {"volts_per_bit": 1e-4}, {"polynomial_coefficients": np.array([0.0, 2.0])}, {"conversion": 2.0, "gain": 3.0},
+        {"scale_factor": 2.0, "conversion": 3.0},
+    ],
+)  # fmt: skip
+def test_integers_that_a_number_may_scale_are_left_out_under_any_name_of_it(
+    tmp_path: Path, attributes: dict[str, Any]
+) -> None:
+    def fill(file: Any) -> None:
+        file.attrs["fs"] = 10.0
+        file.create_dataset("counts", data=np.arange(5)).attrs.update(attributes)
+        file.create_dataset("a", data=np.arange(5)).attrs.update({"sensor_number": 4, "cutoff_hz": 1e3})
+
+    recording = opened(tmp_path, fill)
+    assert [s.name for s in recording.signals] == ["a"]
+    assert any("whose meaning is open" in note for note in recording.notes)
+
+
+def test_conversion_and_offset_of_nwb_are_applied(tmp_path: Path) -> None:
+    def fill(file: Any) -> None:
+        data = file.create_dataset("a", data=np.array([1, 2], np.int16))
+        data.attrs.update({"conversion": 0.5, "offset": 10.0, "resolution": -1.0, "fs": 10.0, "unit": "V"})
+
+    np.testing.assert_array_equal(opened(tmp_path, fill).read("a"), [10.5, 11.0])
+
+
+def test_packed_times_are_unpacked(tmp_path: Path) -> None:
+    def fill(file: Any) -> None:
+        file["a"] = np.arange(4.0)
+        file.create_dataset("time", data=np.arange(4)).attrs.update({"scale_factor": 1e-3, "add_offset": 2.0})
+
+    np.testing.assert_allclose(opened(tmp_path, fill).time_base("a").times_s, 2.0 + 1e-3 * np.arange(4))
+
+    def scaled_somehow(file: Any) -> None:
+        file["a"] = np.arange(4.0)
+        file.create_dataset("time", data=np.arange(4)).attrs["gain"] = 1e-3
+
+    with pytest.raises(ReadError, match="time has the attribute gain, whose meaning is open"):
+        opened(tmp_path, scaled_somehow)
+
+
 def test_two_time_datasets_of_one_length_are_not_chosen_from(tmp_path: Path) -> None:
     def fill(file: Any) -> None:
         file["time"], file["timestamps"], file["a"] = np.arange(3.0), np.arange(3.0) * 2, np.ones(3)
