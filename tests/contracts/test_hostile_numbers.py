@@ -134,7 +134,9 @@ def test_what_digits_are_is_said_in_one_place() -> None:
 def test_a_head_of_separators_alone_takes_no_longer_than_its_size_asks_for(case: Case, tmp_path: Path) -> None:
     whole = b"\t" * SEPARATORS + b"," * SEPARATORS + b";" * SEPARATORS
     lines = case.content.splitlines(keepends=True)
-    for at in range(min(len(lines), 12)):
+    # the files of a reader share its lines
+    alike = [one.name for one in TEXTS if one.reader is case.reader]
+    for at in range(alike.index(case.name), min(len(lines), 12), len(alike)):
         kept = lines[at].rstrip(b"\r\n")
         begin = time.process_time()
         read_whole(case, tmp_path, b"".join([*lines[:at], kept, whole, lines[at][len(kept) :], *lines[at + 1 :]]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -189,12 +190,33 @@ class _Known:
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """One step, the covariance, which unknowns are determined, and all rows."""
+    """One step and all rows; the covariance, and which unknowns are determined, where they are asked for.
+
+    Attributes
+    ----------
+    inverse : ndarray, shape (n_free, n_rows)
+        Generalised inverse of the rows of the free unknowns.
+    seen : ndarray, shape (n_free,)
+        Share of each free unknown that lies in directions that are determined.
+    """
 
     step: Array
-    covariance: Array
-    determined: NDArray[np.bool_]
     rows: Array
+    free: NDArray[np.bool_]
+    inverse: Array
+    seen: Array
+
+    @cached_property
+    def covariance(self) -> Array:
+        found = np.zeros((self.step.size, self.step.size))
+        found[np.ix_(self.free, self.free)] = self.inverse @ self.inverse.T
+        return found
+
+    @cached_property
+    def determined(self) -> NDArray[np.bool_]:
+        found = np.ones(self.step.size, dtype=bool)
+        found[self.free] = self.seen > 1.0 - LARGEST_SHARE_LEFT
+        return found
 
 
 def _triangle(blocks: Sequence[Block], values: Array, places: Mapping[str, int]) -> tuple[Array, float, int]:
@@ -226,9 +248,6 @@ def _solution(triangle: Array, known: _Known, values: Array, free: NDArray[np.bo
     u, sizes, directions = np.linalg.svd(own / scale, full_matrices=False)
     kept = sizes > LEAST_PIVOT * sizes.max(initial=0.0)
     inverse = (directions[kept].T / sizes[kept]) @ u[:, kept].T / scale[:, np.newaxis]
-    step, covariance = np.zeros(values.size), np.zeros((values.size, values.size))
+    step = np.zeros(values.size)
     step[free] = inverse @ target
-    covariance[np.ix_(free, free)] = inverse @ inverse.T
-    determined = np.ones(values.size, dtype=bool)
-    determined[free] = (directions[kept] ** 2).sum(axis=0) > 1.0 - LARGEST_SHARE_LEFT
-    return _Solution(step, covariance, determined, rows)
+    return _Solution(step, rows, free, inverse, (directions[kept] ** 2).sum(axis=0))

@@ -186,7 +186,8 @@ def test_a_campaign_finds_its_shot_log_beside_it(tmp_path: Path, place: str) -> 
     shots = campaign_of(ALTERNATING, seed=4).shots
     write_reports(tmp_path / "reports", shots)
     kept = tmp_path / "kept.csv"
-    kept.write_text("shot,charge\n" + "".join(f"{one.name},{k}\n" for k, one in enumerate(shots)), encoding="utf-8")
+    rows = (f"{one.name},{one.added_mass_kg:g},0.05,{k}\n" for k, one in enumerate(shots))
+    kept.write_text("shot,added_mass_kg,u_added_mass_kg,charge\n" + "".join(rows), encoding="utf-8")
     log = tmp_path / "before" / "shotlog.csv"
     log.parent.mkdir()
     shutil.copy(kept, log)
@@ -199,10 +200,10 @@ def test_a_campaign_finds_its_shot_log_beside_it(tmp_path: Path, place: str) -> 
     (found,) = [one for one in explain(tmp_path / "campaign").files if one["file"].endswith("shotlog.csv")]
     assert (Path(found["found"]), found["state"]) == (moved.resolve(), "as it was")
     assert found["sha256_now"] == found["sha256"]
-    moved.write_text(kept.read_text("utf-8") + "another,9\n", encoding="utf-8")
+    moved.write_text(kept.read_text("utf-8") + "another,0,0,9\n", encoding="utf-8")
     (since,) = [one for one in explain(tmp_path / "campaign").files if one["file"].endswith("shotlog.csv")]
     assert since["state"] == "changed since, its rows of these shots are the same"
-    moved.write_text(kept.read_text("utf-8").replace(f"{shots[1].name},1", f"{shots[1].name},7"), encoding="utf-8")
+    moved.write_text(kept.read_text("utf-8").replace("0.05,1\n", "0.05,7\n"), encoding="utf-8")
     (since,) = [one for one in explain(tmp_path / "campaign").files if one["file"].endswith("shotlog.csv")]
     assert since["state"] == f"changed since, and so are its rows of {shots[1].name}"
     assert check_reports(tmp_path / "campaign", workers=1).again
