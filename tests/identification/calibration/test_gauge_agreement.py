@@ -210,7 +210,9 @@ def test_scales_zeros_that_stand_and_move_and_delays_explain_all_differences(rig
     moves_s = (2e-3, 30e-3, 0.3)
     moving = [apart(2e5) for _ in moves_s]
     since = np.maximum(TIMES_S - ONSET_S, 0.0)
-    moved = sum(np.outer(q, 1.0 - np.exp(-since / tau)) for q, tau in zip(moving, moves_s, strict=True))
+    at_once, slowly, later = (1.0 - np.exp(-since / tau) for tau in moves_s)
+    ways = np.array([at_once, slowly, at_once - later]) / math.sqrt(3)
+    moved = sum(np.outer(q, way) for q, way in zip(moving, ways, strict=True))
     readings = (
         np.outer(1.0 + scales, PULSE_PA)
         + zeros[:, np.newaxis]
