@@ -9,6 +9,8 @@ import sys
 import tempfile
 import textwrap
 import time
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -289,6 +291,7 @@ def test_figures_of_checks_reasons_and_doubts_come_back_and_a_file_of_before_has
             groups = ("quality", "against_mass", f"alignment/{doubted.clock}")
             for group in groups:
                 del file["entry"][group]["figures"]
+            del file.attrs["seal"]
     read = read_shot(path)
     told = (read.quality[-1].detail, read.against_mass[0], read.alignments[0].reasons[1])
     assert [figures_of(one) for one in told] == 3 * [() if of_before else text.figures]
@@ -350,6 +353,7 @@ def test_a_file_of_before_there_were_three_states_says_what_its_clocks_say(tmp_p
     with h5py.File(path, "a") as file:
         del file["entry/against_mass"]
         del file["entry/quality"].attrs["state"]
+        del file.attrs["seal"]
     (doubt,) = read_shot(path).against_mass
     assert (doubt.code, doubt.about) == (ReasonCode.CLOCK, sound_shot().alignments[0].clock)
     assert shot_summary(path)["state"] == "record only"
@@ -909,6 +913,53 @@ def test_a_flipped_bit_in_the_samples_is_damage(written: Path) -> None:
     written.write_bytes(content)
     with pytest.raises(StoreError, match="is damaged"):
         read_shot(written)
+
+
+@pytest.mark.parametrize("count", [10, pytest.param(120, marks=pytest.mark.exhaustive)])
+def test_one_flipped_bit_anywhere_is_damage_or_changes_nothing(written: Path, tmp_path: Path, count: int) -> None:
+    given, summary, content = read_shot(written), shot_summary(written), np.fromfile(written, dtype=np.uint8)
+    rng, path, refused = np.random.default_rng(count), tmp_path / "flipped.h5", 0
+    for at in rng.choice(np.flatnonzero(content), count, replace=False):
+        flipped = content.copy()
+        flipped[at] ^= 1 << rng.integers(8)
+        flipped.tofile(path)
+        try:
+            assert first_difference(given, read_shot(path)) is None
+        except StoreError:
+            refused += 1
+        with suppress(StoreError):
+            assert shot_summary(path) == summary
+    assert refused > count // 2
+
+
+def test_a_data_set_that_lacks_some_of_its_samples_is_damage(written: Path) -> None:
+    with h5py.File(written, "r+") as file:
+        del file["entry/dewetron/acc_recoil"]
+        file["entry/dewetron"].create_dataset("acc_recoil", (100_000,), "f8", chunks=(1000,))
+    with pytest.raises(StoreError, match="acc_recoil lacks some of its samples"):
+        read_shot(written)
+
+
+@pytest.mark.parametrize("read", [read_shot, shot_summary])
+def test_samples_and_what_stands_beside_them_are_under_the_seal(written: Path, read: Callable[[Path], object]) -> None:
+    with h5py.File(written, "r+") as file:
+        file["entry/dewetron/acc_recoil"][3] += 1.0
+    if read is read_shot:
+        with pytest.raises(StoreError, match="acc_recoil does not hold what was written"):
+            read(written)
+    with h5py.File(written, "r+") as file:
+        file["entry/dewetron/acc_recoil"].attrs["u_rel"] = 0.5
+    with pytest.raises(StoreError, match="is damaged"):
+        read(written)
+
+
+def test_a_file_of_before_there_were_seals_is_read(written: Path) -> None:
+    given = read_shot(written)
+    with h5py.File(written, "r+") as file:
+        del file.attrs["seal"]
+        for name in ("acc_recoil", "time"):
+            del file[f"entry/dewetron/{name}"].attrs["sha256"]
+    assert first_difference(given, read_shot(written)) is None
 
 
 def test_a_time_that_contradicts_its_step_is_damage(written: Path) -> None:

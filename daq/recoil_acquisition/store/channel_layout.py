@@ -15,6 +15,7 @@ from recoil_acquisition.channel import Channel, RawCounts, Step
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.files.strict_json import read_json
 from recoil_acquisition.shot import Shot
+from recoil_acquisition.store.seal import DIGEST, digest_of
 from recoil_acquisition.store.table import new_group, read_table, tree_names
 
 CHUNK_SAMPLES = 32768
@@ -94,6 +95,7 @@ def _dataset(group: Any, name: str, values: NDArray[Any], time: Any | None, filt
     # A dataset without elements cannot be chunked, and filters need chunks
     own = {"chunks": (min(values.size, CHUNK_SAMPLES),), "fletcher32": True, **filters} if values.size else {}
     dataset = group.create_dataset(name, data=values, track_times=False, **own)
+    dataset.attrs[DIGEST] = digest_of(values)
     if time is not None:
         dataset.dims[0].attach_scale(time)
     return dataset

@@ -11,7 +11,9 @@ file of that size may hold.
 
 from __future__ import annotations
 
+import hashlib
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -21,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.reader_process import most_bytes
+from recoil_acquisition.store.seal import CHANGED, DIGEST, SEAL, seal_of
 
 
 class Dataset:
@@ -53,11 +56,11 @@ class Dataset:
 
 
 class Group(dict[str, Any]):
-    """Groups and datasets by name, with attributes."""
+    """Groups and datasets by name, with attributes; of the root also what was changed since the file was sealed."""
 
-    def __init__(self, name: str, attrs: dict[str, Any]) -> None:
+    def __init__(self, name: str, attrs: dict[str, Any], changed: str = "") -> None:
         super().__init__()
-        self.name, self.attrs = name, attrs
+        self.name, self.attrs, self.changed = name, attrs, changed
 
     def __missing__(self, key: object) -> Any:
         raise KeyError(f"{self.name} has no {key!r}")
@@ -72,8 +75,8 @@ def last_word(content: bytearray) -> dict[str, Any]:
     return word
 
 
-def tree_of(content: bytearray) -> Group:
-    """Make the tree of what was written; the arrays lie in it as they came."""
+def tree_of(content: bytearray, changed: str = "") -> Group:
+    """Make the tree of what was written; the arrays lie in it as they came. ``changed`` goes to the root."""
     size = int.from_bytes(content[:8], "little")
     nodes = json.loads(bytes(content[8 : 8 + size]))
     made = [_made(node, content, 8 + size) for node in nodes]
@@ -83,6 +86,7 @@ def tree_of(content: bytearray) -> Group:
     root = made[0]
     if not isinstance(root, Group):
         raise TypeError("the root is no group")
+    root.changed = changed
     return root
 
 
@@ -116,6 +120,8 @@ PARTS: dict[str, dict[str, tuple[str, ...]]] = {
 }
 """Parts of a group that are looked at, by its name, where not all of the tree is."""
 
+WHOLE = ("headers", "all")
+"""Parts that a seal can be asked of."""
 ALIGNMENT = 16
 _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
 _PIECE, _TEXTS = 1 << 16, 8
@@ -124,20 +130,28 @@ _PIECE, _TEXTS = 1 << 16, 8
 def write_tree(path: Path, what: str, write: Callable[[bytes], object]) -> None:
     """Write what is in a file: ``schema``, the root's attributes alone; ``origin``; ``headers``; or ``all`` of it.
 
-    Whatever goes wrong is in the last word: ``{"fault": "..."}`` in place of ``{}``, and its length in 8 bytes.
+    Whatever goes wrong is in the last word: ``{"fault": "..."}`` in place of ``{}``, and its length in 8 bytes. A seal
+    that does not fit is no fault, so that what is wrong can be told more closely: ``{"changed": "..."}``.
     """
     last: dict[str, str] = {}
     try:
         size = path.stat().st_size
         # A shot file never changes once it has its name, so no lock is needed, and some network drives have none
         with h5py.File(path, "r", locking=False) as file:
-            _Tree(file, what, most_bytes(size)).write_to(write)
+            last = {"changed": _Tree(file, what, most_bytes(size)).write_to(write)}
     except MemoryError:
         last = {"fault": "it asks for more memory than a shot file of its size needs"}
     except Exception as error:  # the library's binding raises what it likes
         last = {"fault": " ".join(str(error.args[0] if error.args else error).split()) or type(error).__name__}
     word = json.dumps(last).encode()
     write(word + len(word).to_bytes(8, "little"))
+
+
+def seal(file: Any) -> None:
+    """Seal an open `h5py.File` that was written whole; nothing in it may be changed from then on."""
+    tree = _Tree(file, "all", sys.maxsize)
+    tree.write_to(len)
+    file.attrs[SEAL] = tree.seal()
 
 
 class _Tree:
@@ -147,26 +161,43 @@ class _Tree:
         self._what, self._most = what, most
         self._nodes: list[dict[str, Any]] = []
         self._places: dict[int, int] = {}
-        self._arrays: list[Any] = []
+        self._arrays: list[tuple[Any, dict[str, Any]]] = []
+        self._digests: dict[str, str] = {}
         self._texts: list[tuple[Any, dict[str, Any]]] = []
         self._written_bytes = self._listed = 0
         self._walk(h5py.h5o.open(file.id, b"/"), "", 0)
 
-    def write_to(self, write: Callable[[bytes], object]) -> None:
+    def write_to(self, write: Callable[[bytes], object]) -> str:
+        """Write all of it; return what is known to be changed since it was sealed, empty if nothing is."""
         for dataset, node in self._texts:
             node["texts"] = self._strings(dataset)
         document = json.dumps(self._nodes).encode()
         # so that what follows is aligned
         document = document.ljust(-(-(8 + len(document)) // ALIGNMENT) * ALIGNMENT - 8)
         write(len(document).to_bytes(8, "little") + document)
-        for dataset in self._arrays:
+        changed = ""
+        for dataset, node in self._arrays:
             plain = dataset.dtype.newbyteorder("<")
-            count = int(dataset.size)
-            if dataset.shape == ():
-                write(np.asarray(dataset[()], dtype=plain).tobytes())
-            for start in range(0, count if dataset.shape else 0, _PIECE):
-                write(np.ascontiguousarray(dataset[start : start + _PIECE], dtype=plain).tobytes())
+            count, digest = int(dataset.size), hashlib.sha256()
+            for start in range(0, count, _PIECE):
+                part = dataset[start : start + _PIECE] if dataset.shape else dataset[()]
+                piece = np.ascontiguousarray(part, dtype=plain).tobytes()
+                digest.update(piece)
+                write(piece)
             write(bytes(_padding(count * plain.itemsize)))
+            stated = node["attributes"].get(DIGEST)
+            if stated is not None and stated != digest.hexdigest():
+                changed = changed or f"{node['name']} does not hold what was written"
+            if stated is None and count * plain.itemsize <= SMALL_BYTES:
+                self._digests[node["name"]] = digest.hexdigest()
+        sealed = self._nodes[0]["attributes"].get(SEAL)
+        if self._what in WHOLE and sealed is not None and sealed != self.seal():
+            changed = changed or CHANGED
+        return changed
+
+    def seal(self) -> str:
+        """Return the digest of all that was written."""
+        return seal_of(self._nodes, self._digests)
 
     def _charge(self, size: int) -> None:
         self._most -= size
@@ -247,6 +278,9 @@ class _Tree:
                 raise ValueError(f"{name} has chunks of {chunk} elements, and no shot file has such large ones")
         size = (shape[0] if shape else 1) * dtype.itemsize
         self._charge(size)
+        # the library would give zeros for them
+        if made.get_layout() == h5py.h5d.CHUNKED and item.get_num_chunks() < -(-shape[0] // made.get_chunk()[0]):
+            raise ValueError(f"{name} lacks some of its samples")
         node["shape"] = list(shape)
         dataset = h5py.Dataset(item)
         if text is not None:
@@ -255,7 +289,7 @@ class _Tree:
         node["dtype"] = dtype.newbyteorder("<").str
         if self._what == "all" or size <= SMALL_BYTES:
             node["at"] = self._written_bytes
-            self._arrays.append(dataset)
+            self._arrays.append((dataset, node))
             self._written_bytes += size + _padding(size)
 
     def _strings(self, dataset: Any) -> list[str]:

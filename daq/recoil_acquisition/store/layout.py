@@ -2,7 +2,7 @@
 
 ::
 
-    /                          NXroot; attributes default, schema, creator, complete (written last)
+    /                          NXroot; attributes default, schema, creator, complete, seal (written last)
     /entry                     NXentry; attribute default names the group of the main plot
         entry_identifier       name of the shot; title; start_time if a source states one
         <clock>                NXdata, one per time base, named after its clock (can, can_2, ...)
@@ -73,13 +73,16 @@ ENTRY_NAMES = frozenset(
 
 
 def write_layout(file: Any, shot: Shot, *, compressed: bool = True) -> None:
-    """Write a shot into an empty, open `h5py.File`.
+    """Write a shot into an empty, open `h5py.File`, and seal it.
 
     Raises
     ------
     TypeError
         If a history parameter, an alignment detail or a clock fit is not of a JSON type.
     """
+    # the file is open, so that the library is at hand; without one nobody should wait for it
+    from recoil_acquisition.store.file_tree import seal
+
     file.attrs["NX_class"] = "NXroot"
     file.attrs["default"] = "entry"
     file.attrs["schema"] = SCHEMA
@@ -108,6 +111,7 @@ def write_layout(file: Any, shot: Shot, *, compressed: bool = True) -> None:
     _write_history(entry, shot)
     _write_acquisition(entry, shot)
     file.attrs["complete"] = 1
+    seal(file)
 
 
 def read_layout(file: Any) -> Shot:

@@ -11,9 +11,9 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -188,6 +188,8 @@ def _channel_summary(signal: Any, time: Any, count: int) -> dict[str, Any]:
     }
 
 
+Found = TypeVar("Found")
+
 _HELD: WeakValueDictionary[tuple[Path, int, int, int, int], Shot] = WeakValueDictionary()
 """Shots that this process wrote, read back and still holds, by their files as they were then."""
 
@@ -265,8 +267,7 @@ def read_shot(path: str | Path) -> Shot:
     """
     if (held := _held(Path(path))) is not None:
         return held
-    with _map_to_store_error(Path(path)):
-        return read_layout(_tree(Path(path), "all"))
+    return _unchanged(Path(path), "all", read_layout)
 
 
 def shot_summary(path: Path) -> dict[str, Any]:
@@ -286,8 +287,7 @@ def shot_summary(path: Path) -> dict[str, Any]:
     StoreError
         As `read_shot`.
     """
-    with _map_to_store_error(Path(path)):
-        return summarise_layout(_tree(Path(path), "headers"))
+    return _unchanged(Path(path), "headers", summarise_layout)
 
 
 def recorded_files(path: Path) -> tuple[RecordedFile, ...]:
@@ -356,10 +356,9 @@ def _write(image: bytes, path: Path) -> None:
 def _verify(shot: Shot, temporary: Path, path: Path) -> Shot:
     remedy = "nothing was kept; check the disk and write it again"
     try:
-        with _map_to_store_error(temporary):
-            # written by this very process, which need not fear it
-            back = read_layout(_tree(temporary, "all", own=True))
-            difference = first_difference(shot, back)
+        # written by this very process, which need not fear it
+        back = _unchanged(temporary, "all", read_layout, own=True)
+        difference = first_difference(shot, back)
     except StoreError as error:
         raise StoreError(f"does not read back: {error.problem}", path=path, remedy=remedy) from error
     if difference is not None:
@@ -374,6 +373,16 @@ def _exists(path: Path) -> StoreError:
         path=path,
         remedy="choose another name, or replace it with --overwrite",
     )
+
+
+def _unchanged(path: Path, what: str, make: Callable[[Group], Found], *, own: bool = False) -> Found:
+    """Make something of the tree of a file, and refuse it if the file was changed since: what is wrong comes first."""
+    with _map_to_store_error(path):
+        tree = _tree(path, what, own=own)
+        found = make(tree)
+        if tree.changed:
+            raise ValueError(tree.changed)
+        return found
 
 
 def _tree(path: Path, what: str, *, own: bool = False) -> Group:
@@ -406,10 +415,10 @@ def _asked(path: Path, what: str, *, own: bool = False) -> Group:
             write_tree(path, what, answer.extend)
         else:
             answer, fault = READER.ask(path, what, path.stat().st_size)
-        fault = fault or last_word(answer).get("fault", "")
-        if fault:
+        word = {} if fault else last_word(answer)
+        if fault := fault or word.get("fault", ""):
             raise ValueError(fault)
-        return tree_of(answer)
+        return tree_of(answer, word.get("changed", ""))
 
 
 @contextlib.contextmanager
