@@ -6,13 +6,15 @@ errors, stress waves and clocks, and writes the files together with what they hi
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
-from recoil_acquisition.errors import ErrorCode, Fault, RigError, StoreError
+from recoil_acquisition.errors import ErrorCode, Fault, RigError, StoreError, system_errors_as
+from recoil_acquisition.files.new_file import give_name, partial_path
 from recoil_rigs.mechanism.gun import Gun
 from recoil_rigs.mechanism.line import Line
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
@@ -228,7 +230,7 @@ def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
 
 
 def _write(folder: Path, contents: Mapping[str, bytes]) -> None:
-    """Write all files into a folder, none over an existing one."""
+    """Write all files into a folder, none over an existing one; none of them is there unless it is whole."""
     for name in contents:
         if (folder / name).exists():
             raise StoreError(
@@ -237,10 +239,15 @@ def _write(folder: Path, contents: Mapping[str, bytes]) -> None:
                 path=folder / name,
                 remedy="choose another folder or remove it first",
             )
+    partials = {name: partial_path(folder / name) for name in contents}
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in contents.items():
-            with (folder / name).open("xb") as file:
-                file.write(content)
-    except OSError as error:
-        raise StoreError(f"cannot be written: {error.strerror}", path=error.filename or folder) from error
+        with system_errors_as(StoreError, folder, "written", "choose another folder with --out, or make room there"):
+            folder.mkdir(parents=True, exist_ok=True)
+            for name, content in contents.items():
+                partials[name].write_bytes(content)
+            for name, partial in partials.items():
+                give_name(partial, folder / name)
+    finally:
+        for partial in partials.values():
+            with contextlib.suppress(OSError):
+                partial.unlink(missing_ok=True)

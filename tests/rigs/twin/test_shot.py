@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import binascii
+import errno
 import io
 import json
 import struct
@@ -365,6 +366,21 @@ def test_an_existing_file_is_never_overwritten(tmp_path: Path) -> None:
         simulate_shot(variant("mixed", FAST), tmp_path, seed=11, shot="0042")
     assert [p.name for p in tmp_path.iterdir()] == ["0042_imu.rdlog"]
     assert (tmp_path / "0042_imu.rdlog").read_bytes() == b"mine"
+
+
+def test_a_disk_that_fills_up_leaves_no_part_of_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = Path.write_bytes
+
+    def full_before_the_camera(path: Path, content: bytes) -> int:
+        if "camera" in path.name:
+            whole(path, content[: len(content) // 2])
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return whole(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", full_before_the_camera)
+    with pytest.raises(StoreError, match="cannot be written: No space left on device; choose another folder"):
+        simulate_shot(variant("field-2013", FAST), tmp_path / "shot", seed=1, shot="1")
+    assert not list((tmp_path / "shot").iterdir())
 
 
 @pytest.mark.exhaustive
