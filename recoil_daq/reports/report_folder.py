@@ -78,6 +78,7 @@ def publish(folder: Path, write: Callable[[Path], None], obsolete: Sequence[str]
         If it cannot be written; what was there is there still.
     """
     folder = _real(folder)
+    new_parents = [place for place in folder.parents if not place.exists()]
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         _put_in_order(folder)
@@ -95,6 +96,15 @@ def publish(folder: Path, write: Callable[[Path], None], obsolete: Sequence[str]
         finally:
             lock.release()
             _settle(folder, hidden)
+            if not folder.exists():
+                for place in new_parents:
+                    with contextlib.suppress(OSError):
+                        place.rmdir()  # refused where it holds something
+    except StoreError as error:
+        # nobody asked for the hidden folder
+        if error.path is not None and error.path.is_relative_to(hidden):
+            error.path = folder
+        raise
     except OSError as error:
         raise StoreError(
             f"cannot be written: {error.strerror or error}",

@@ -128,6 +128,16 @@ def test_a_kill_at_any_step_leaves_a_whole_report_that_the_next_run_finds(report
     assert f"new {step - 1}" in texts
 
 
+def test_a_page_that_cannot_be_written_names_the_folder_that_was_asked_for_and_leaves_none(tmp_path: Path) -> None:
+    def write(folder: Path) -> None:
+        raise StoreError("the report page cannot be written", path=folder / "report.html")
+
+    with pytest.raises(StoreError) as caught:
+        publish(tmp_path / "c" / "d", write)
+    assert caught.value.path == tmp_path / "c" / "d"
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, PermissionError(13, "Permission denied")])
 @pytest.mark.parametrize("failing", [0, 1])
 def test_a_failure_between_the_renames_brings_the_old_report_back(
