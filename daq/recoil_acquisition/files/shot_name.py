@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from pathlib import Path
 
 LONGEST_BYTES = 128
 """File systems take names of 255 bytes; sources' names, endings and those of temporary files are put round a shot's."""
+
+OWN_ENDINGS = (".h5", ".partial", ".rdlog")
+"""Endings of files that are named after a shot: with one of them it would be taken for such a file."""
 
 _RESERVED = re.compile(r"(CON|PRN|AUX|NUL|(COM|LPT)[0-9¹²³])(\..*)?", re.IGNORECASE)
 
@@ -40,12 +44,17 @@ def shot_name_fault(name: str) -> str | None:
         return "is empty"
     if len(name.encode(errors="surrogatepass")) > LONGEST_BYTES:
         return f"is longer than {LONGEST_BYTES} bytes: the files that are named after it would not all have room"
+    composed = unicodedata.normalize("NFC", name)
+    if composed != name:
+        return f"is spelled with signs on their own over letters, as macOS spells file names: write it as {composed!r}"
     if unsafe := re.search(r"[^\w.+-]", name):
         return f"holds {unsafe.group()!r}: letters, digits, `_`, `-`, `+` and `.` are safe in file names everywhere"
     if name[0] in "-.":
         return f"begins with `{name[0]}`: it would be taken for {'an option' if name[0] == '-' else 'a hidden file'}"
     if name[-1] == ".":
         return "ends with `.`: Windows takes such an ending away"
+    if name.lower().endswith(OWN_ENDINGS):
+        return f"ends with `{name[name.rindex('.') :]}`, as the files do that are named after it"
     if _RESERVED.fullmatch(name):
         return "is a word that Windows reserves for a device"
     return None
