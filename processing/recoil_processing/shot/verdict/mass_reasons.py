@@ -24,6 +24,7 @@ from recoil_processing.shot.motion_role import motion_lacks, motion_role
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals, collect_signals
 from recoil_processing.shot.thinned import thinned
+from recoil_processing.shot.verdict.consequence import set_aside
 from recoil_processing.shot.verdict.motion_quality import Recoil, recoil_of
 from recoil_rigs.rig import ChannelSpec, Rig
 from recoil_rigs.shots.fired_shot import FiredShot
@@ -121,16 +122,17 @@ def doubted_clocks(fired: FiredShot) -> list[Reason]:
 def _dispensable_clocks(fired: FiredShot) -> set[str]:
     """Return the clocks of what tells the motion once more, and is left out where they are doubted.
 
-    There the accelerometer tells the speed from the rest on.
+    There the accelerometer tells the speed from the rest on. So are those of a source that recorded nothing.
     """
+    aside = {check.channel for check in set_aside(fired.shot)}
     if motion_role(fired) != "recoil_acceleration":
-        return set()
+        return aside
     telling: dict[str, set[str]] = {}
     for one in fired.channels.values():
         if one.recorded.role:
             telling.setdefault(one.recorded.time_base.clock, set()).add(one.recorded.role)
     once_more = fired.rig.mechanism.sure_roles - {"recoil_acceleration"}
-    return {clock for clock, roles in telling.items() if roles <= once_more}
+    return aside | {clock for clock, roles in telling.items() if roles <= once_more}
 
 
 def _remedy(alignment: ClockAlignment, rig: Rig) -> str:

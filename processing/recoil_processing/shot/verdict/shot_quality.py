@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from recoil_acquisition.files.shot_name import numbers_of
 from recoil_acquisition.measured import joined, worded
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.remark import Caution
+from recoil_acquisition.remark import Caution, CautionCode
 from recoil_acquisition.shot import Check, ClockAlignment, QualityCheck, Shot
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
@@ -67,6 +68,7 @@ def check_shot(
     -------
     tuple of QualityCheck
     """
+    fired = FiredShot(replace(fired.shot, alignments=tuple(alignments)), fired.rig)
     checks: list[QualityCheck] = []
     for source in fired.rig.sources:
         wanted = [c.name for c in fired.rig.channels_of(source.name)]
@@ -160,12 +162,17 @@ def _channels(
 def _file_checks(source: str, recording: Recording) -> list[QualityCheck]:
     """Whether a file was cut off, and what its reader noted."""
     checks = [
-        QualityCheck(source, Check.READER, "warn" if isinstance(note, Caution) else "ok", worded(note))
+        QualityCheck(source, _check_of(note), "warn" if isinstance(note, Caution) else "ok", worded(note))
         for note in recording.notes
     ]
     if recording.incomplete:
         checks.insert(0, QualityCheck(source, Check.FILE, "warn", f"was cut off: {recording.incomplete}"))
     return checks
+
+
+def _check_of(note: str) -> Check:
+    late = isinstance(note, Caution) and note.code is CautionCode.LATE_STAMPS
+    return Check.LATE_STAMPS if late else Check.READER
 
 
 def _file_names(recordings: Mapping[str, Recording]) -> list[QualityCheck]:
