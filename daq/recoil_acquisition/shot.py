@@ -581,10 +581,10 @@ def by_cause(found: Sequence[OneRemark], subjects: Sequence[Subject]) -> tuple[l
     said, explained : list of Remark
         Those that are said, and the others, in the order in which they came.
     """
-    source_of = {one.channel: one.clock for one in subjects} | {one.clock: one.clock for one in subjects}
+    source_of = {subject.channel: subject.clock for subject in subjects}
     by_role: dict[str, set[str]] = {}
-    for one in subjects:
-        by_role.setdefault(one.role, set()).add(one.clock)
+    for subject in subjects:
+        by_role.setdefault(subject.role, set()).add(subject.clock)
     source_of |= {role: next(iter(clocks)) for role, clocks in by_role.items() if role and len(clocks) == 1}
     absent = {one.about for one in found if one.code is Check.FILE and isinstance(one, Reason)}
 
@@ -608,7 +608,7 @@ def by_cause(found: Sequence[OneRemark], subjects: Sequence[Subject]) -> tuple[l
             if rest:
                 causes[at] = rest
                 explained.update(rest)
-    quantities = {one.channel: one.quantity for one in subjects if one.role}
+    quantities = {subject.channel: subject.quantity for subject in subjects if subject.role}
 
     def weight(one: Remark) -> int:
         if one.code in _FORCES or (one.code is Check.CONSTANT and quantities.get(str(one.about)) in _OF_FORCES):
@@ -621,9 +621,10 @@ def by_cause(found: Sequence[OneRemark], subjects: Sequence[Subject]) -> tuple[l
             continue
         group = [one, *(found[other] for other in causes.get(at, ()))]
         worst = next((that for that in group if isinstance(that, Reason)), one)
+        head = one
         if at in causes:
-            one = type(worst)(one.code, one.about, worded(one, f"; this explains {len(causes[at])} more"))
-        said.append((isinstance(worst, Caution), min(map(weight, group)), at, one))
+            head = type(worst)(one.code, one.about, worded(one, f"; this explains {len(causes[at])} more"))
+        said.append((isinstance(worst, Caution), min(map(weight, group)), at, head))
     return [one for *_, one in sorted(said, key=lambda placed: placed[:3])], [found[at] for at in sorted(explained)]
 
 
@@ -646,7 +647,7 @@ def reasons_of(
 def shot_findings(
     quality: Sequence[QualityCheck], against_mass: Sequence[Reason], subjects: Sequence[Subject] = ()
 ) -> list[dict[str, Any]]:
-    """Return the ``findings`` of a shot: its reasons in their order, what warns, what both explain, what readers noted."""
+    """Return the ``findings`` of a shot: its reasons in order, what warns, what both explain, what readers noted."""
     said, explained = _said(quality, against_mass, subjects)
     notes = [check.remark() for check in quality if check.verdict == "ok" and check.check is Check.READER]
     return findings_of(said, as_notes(explained), notes)

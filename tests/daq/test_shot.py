@@ -105,14 +105,14 @@ BUS = (
 def test_reasons_begin_with_no_forces_then_no_motion_then_clocks_then_the_rest() -> None:
     checks = (
         QualityCheck("acc", Check.RANGE, "fail", "clipped"), QualityCheck("camera", Check.ALIGNMENT, "fail", "far off"),
-        QualityCheck("shot", Check.ONSET, "fail", "no shot"), QualityCheck("p_brake", Check.CONSTANT, "fail", "always 0"),
+        QualityCheck("shot", Check.ONSET, "fail", "none"), QualityCheck("p_brake", Check.CONSTANT, "fail", "always 0"),
         QualityCheck("acc", Check.CONSTANT, "fail", "always 1"),
     )  # fmt: skip
     role = Reason(ReasonCode.ROLE, "breech_pressure", "no breech pressure")
     said, explained = by_cause([*(check.remark() for check in checks), role], BUS)
     assert explained == []
     assert [str(one) for one in said] == [
-        "p_brake: always 0", "no breech pressure", "shot: no shot", "camera: far off", "acc: clipped", "acc: always 1",
+        "p_brake: always 0", "no breech pressure", "shot: none", "camera: far off", "acc: clipped", "acc: always 1",
     ]  # fmt: skip
     # of the same remarks in another order the weights are the same
     assert {str(one) for one in by_cause([role, *(c.remark() for c in checks[::-1])], BUS)[0][:2]} == {

@@ -224,6 +224,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
     inertial = route.tracked is None
     biased = _endogeneity(route.recorded, corrections if method == "calibrated" else None) if inertial else None
     against = reasons_against(fired, route, trace, constancy, biased, chain)
+    noted = notes_on(fired, route, trace)
     reasons, explained = by_cause(against, fired.shot.subjects)
     return Identification(
         options=options,
@@ -245,12 +246,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         baseline=baselines_of(fired, route.signals, route.camera, alignments),
         assumptions=assumptions_of(fired.rig),
         force_checks=force_checks(calibration, route.signals, fired),
-        notes=(
-            *as_notes(explained),
-            *notes_on_doubts(calibration, constancy, chain),
-            *notes_on(fired, route, trace),
-            *route.notes,
-        ),  # fmt: skip
+        notes=(*as_notes(explained), *notes_on_doubts(calibration, constancy, chain), *noted, *route.notes),
     )
 
 
