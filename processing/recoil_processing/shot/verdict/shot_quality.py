@@ -87,7 +87,8 @@ def check_shot(
     lean, _ = thinned(fired)
     onset = _onset(fired, by_clock, checks)
     shifts = [check for alignment in alignments for check in _zero_shift(alignment, fired.shot, onset)]
-    recoil = None if onset is None else recoil_of(lean, by_clock)
+    # what may move from the first on has a motion without an onset, too
+    recoil = recoil_of(lean, by_clock) if onset is not None or not fired.rig.mechanism.recoils_once else None
     checks += _channels(fired, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
     checks += [_alignment_check(alignment) for alignment in alignments]
     checks += shifts
