@@ -150,6 +150,8 @@ class Check(StrEnum):
     # one channel by itself
     LOSSES = "losses"
     CONSTANT = "constant"
+    OVERFLOW = "overflow"
+    """Jumps over a whole word."""
     RANGE = "range"
     FLAT_TOPS = "flat tops"
     HELD_VALUES = "held values"
@@ -165,6 +167,8 @@ class Check(StrEnum):
     SHOCK_RESPONSE = "shock response"
     POLARITY = "polarity"
     CALIBRATION = "calibration"
+    SENSOR = "sensor"
+    """A sensor's certificate that may be of another channel's."""
     SET_ASIDE = "set aside"
     """Mark of a channel without which the mass is found."""
     # a camera's frames and tracks
@@ -548,6 +552,7 @@ _FROM_LATE = frozenset({
 _FROM_AWAY = _FROM_LATE | {Check.LATE_STAMPS, Check.MISSING_FRAMES, Check.STREAM, Check.LOSSES}
 _CAUSES: Mapping[StrEnum, frozenset[StrEnum]] = MappingProxyType({
     Check.SET_ASIDE: _FROM_AWAY | {Check.DELIVERY, Check.CONNECTION, Check.LOST_FRAMES},
+    Check.SENSOR: frozenset({Check.SENSOR, Check.RANGE, Check.FLAT_TOPS}),
     Check.FILE: frozenset({ReasonCode.ROLE}),
     Check.DELIVERY: _FROM_AWAY,
     Check.CONNECTION: _FROM_AWAY,
@@ -556,7 +561,9 @@ _CAUSES: Mapping[StrEnum, frozenset[StrEnum]] = MappingProxyType({
     ReasonCode.CLOCK: frozenset({ReasonCode.ROLE, Check.TIME_STEPS}),
     Check.TIME_STEPS: frozenset({Check.TIME_STEPS}),
 })  # fmt: skip
-"""Finding on a source -> what follows from it of the source, its channels and their roles; what explains more first."""
+"""Finding on a source -> what follows from it of the source, its channels and their roles; what explains more first.
+From one on a channel follows what is said of that channel alone."""
+_OF_CHANNELS = (Check.SENSOR,)
 _OF_FORCES = ("pressure", "force")
 _FORCES = (ReasonCode.ROLE, Check.FILE, Check.DELIVERY)
 _MOTION = (Check.ONSET, Check.FORCE)
@@ -603,7 +610,8 @@ def by_cause(found: Sequence[OneRemark], subjects: Sequence[Subject]) -> tuple[l
                 other
                 for other, that in enumerate(found)
                 if other != at and other not in explained and other not in causes
-                and that.code in follows and source(that) == source(one)
+                and that.code in follows
+                and (one.about == that.about if code in _OF_CHANNELS else source(that) == source(one))
             ]  # fmt: skip
             if rest:
                 causes[at] = rest

@@ -26,7 +26,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.correlation import Correlation
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows import equation_of_motion as motion
-from recoil_identification.rows.camera_rows import LATE, MEAN_S, RATE, START, U_START_M
+from recoil_identification.rows.camera_rows import LATE, MEAN_S, RATE, START, U_START_M, picture_origin_m
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.motion_noise import CORRELATED
 from recoil_identification.rows.row_noise import walked
@@ -117,7 +117,7 @@ class ForcedTravel(ReadOnlyArrays):
         frames_s, positions_m = track.times_s, track.positions_m
         if track.rest_frames:
             frames_s = np.append(track.release_s, frames_s)
-            positions_m = np.append(track.rest_m, positions_m)
+            positions_m = np.append(track.rest_m, positions_m) - picture_origin_m(track.rest_m)
             places, counts = np.append(0, places + 1), np.append(1, counts)
 
         def means(values: Array) -> Array:

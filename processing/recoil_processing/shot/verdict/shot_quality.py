@@ -33,6 +33,7 @@ from recoil_processing.shot.verdict.camera_quality import (
 from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, check_channel
 from recoil_processing.shot.verdict.consequence import weighed
 from recoil_processing.shot.verdict.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
+from recoil_processing.shot.verdict.sensor_quality import check_sensors
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.calibration_day import CalibrationDay
@@ -92,6 +93,7 @@ def check_shot(
     checks += _channels(fired, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
     checks += [_alignment_check(alignment) for alignment in alignments]
     checks += shifts
+    checks += check_sensors(fired, alignments)
     faults = fired.rig.not_calibrated(day)
     checks += [QualityCheck(str(fault.subject), Check.CALIBRATION, "warn", fault.problem) for fault in faults]
     return tuple(weighed(checks, lean, recoil))

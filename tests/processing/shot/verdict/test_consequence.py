@@ -183,3 +183,19 @@ def test_where_no_mass_can_be_asked_a_corrector_only_warns() -> None:
     # by the camera alone the carriage is in the mass, and nothing says by how much
     camera = virtual.shot.without_channel("acc_recoil")
     assert [one.verdict for one in weighed(noise, FiredShot(camera, virtual.rig), None)] == ["fail"]
+
+
+@pytest.mark.whole_way
+@pytest.mark.parametrize("felt", [True, False], ids=["beside the accelerometer", "alone"])
+def test_the_origin_of_a_cameras_picture_is_anywhere(felt: bool) -> None:
+    virtual = virtual_shot("field-2013")
+    camera = virtual.shot.channels["x_camera"]
+    masses = []
+    for origin_m in (0.0, 0.2205, -0.8):
+        moved = replace(camera, samples=camera.samples + origin_m)
+        shot = replace(virtual.shot, channels={**virtual.shot.channels, "x_camera": moved})
+        shot = shot if felt else shot.without_channel("acc_recoil")
+        found = found_by(shot, virtual)
+        assert not [note for note in found.notes if "place before the shot" in note]
+        masses.append(found.chosen.estimate.mass_kg)
+    assert masses[1:] == pytest.approx([masses[0]] * 2, rel=1e-6)
