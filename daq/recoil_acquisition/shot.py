@@ -521,7 +521,7 @@ class Shot(Listed):
 
     @property
     def subjects(self) -> tuple[Subject, ...]:
-        """What findings are about, of each channel."""
+        """Subjects of findings, one for each channel."""
         return tuple(Subject(c.name, c.role, c.time_base.clock, c.quantity) for c in self.channels.values())
 
     def with_results(
@@ -537,7 +537,7 @@ class Shot(Listed):
 
 
 class Subject(NamedTuple):
-    """What a finding may be about, of one channel: its own name, its role, the clock it is on, and its quantity."""
+    """Subject of a finding, one channel: its own name, its role, the clock it is on, and its quantity."""
 
     channel: str
     role: str

@@ -58,7 +58,7 @@ class VerdictLine:
 
     @property
     def without(self) -> str:
-        """What the mass of a usable shot is found without, in words behind the state; empty for nothing."""
+        """Names of what the mass of a usable shot is found without, in words behind the state; empty for nothing."""
         if self.state is not Usability.USABLE:
             return ""
         aside = dict.fromkeys(str(one["about"]) for one in self.findings if one["code"] == Check.SET_ASIDE)

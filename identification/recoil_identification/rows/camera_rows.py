@@ -266,7 +266,7 @@ def picture_origin_m(rest_m: float) -> float:
     Parameters
     ----------
     rest_m
-        Where the mark rests before the shot, m. What the place is uncertain by anyway, `U_START_M`, is none.
+        Place of the mark before the shot, m. One that is within what it is uncertain by anyway, `U_START_M`, is none.
     """
     return rest_m if abs(rest_m) > U_START_M else 0.0
 

@@ -71,6 +71,8 @@ class ForcedTravel(ReadOnlyArrays):
     u_shift_s, u_rate, u_distortion_m
         Standard uncertainties of tau, of the clock's drift and of the first distortion; half of it is the next one's.
         Infinite where nothing is known beforehand.
+    origin_m
+        Place of the battery in the picture, by `picture_origin_m`.
     motion_m2 : ndarray, shape (n_rows, n_rows), or None
         Covariance of what the motion's own noise integrates to; None while it is not known.
     """
@@ -90,6 +92,7 @@ class ForcedTravel(ReadOnlyArrays):
     u_rate: float
     u_distortion_m: float
     drift: float = 0.0
+    origin_m: float = 0.0
     motion_m2: Array | None = None
 
     @classmethod
@@ -117,7 +120,7 @@ class ForcedTravel(ReadOnlyArrays):
         frames_s, positions_m = track.times_s, track.positions_m
         if track.rest_frames:
             frames_s = np.append(track.release_s, frames_s)
-            positions_m = np.append(track.rest_m, positions_m) - picture_origin_m(track.rest_m)
+            positions_m = np.append(track.rest_m, positions_m)
             places, counts = np.append(0, places + 1), np.append(1, counts)
 
         def means(values: Array) -> Array:
@@ -144,13 +147,14 @@ class ForcedTravel(ReadOnlyArrays):
             u_rate=u_rate,
             drift=drift,
             u_distortion_m=max((spec.sensor.u_bent_m for spec in specs), default=0.0),
+            origin_m=picture_origin_m(track.rest_m) if track.rest_frames else 0.0,
         )
 
     @property
     def priors(self) -> list[Prior]:
         """Priors of the unknowns that are in no force; those without one are told by the frames alone."""
         known = [
-            (START.name, START.name, U_START_M, 0.0),
+            (START.name, START.name, U_START_M, self.origin_m),
             (ErrorSource(SourceKind.ALIGNMENT, self.clock), LATE.name, self.u_shift_s, 0.0),
             (ErrorSource(SourceKind.CLOCK_RATE, self.clock), RATE.name, self.u_rate, -self.drift),
             *((name, name, self.u_distortion_m / 2**number, 0.0) for number, name in enumerate(DISTORTIONS)),

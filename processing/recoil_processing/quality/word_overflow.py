@@ -29,7 +29,7 @@ class WordOverflow:
     Attributes
     ----------
     word
-        What the word holds, in the unit of the samples, to a step of the signal.
+        Span of the word in the unit of the samples, to a step of the signal.
     jumps
         Number of jumps.
     """

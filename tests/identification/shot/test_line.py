@@ -100,9 +100,7 @@ def test_without_a_rest_and_a_speed_no_friction_has_a_direction() -> None:
 @pytest.mark.parametrize("role", ["recoil_acceleration", "recoil_velocity", "recoil_displacement"])
 def test_a_body_that_is_driven_the_other_way_is_refused_at_the_range_as_at_the_desk(role: str) -> None:
     read = BODY.readings()
-    turned = BODY.fired(
-        "driving_force", role, "recoil_velocity", readings=read | {"driving_force": -read["driving_force"]}
-    )
+    turned = BODY.fired("driving_force", role, readings=read | {"driving_force": -read["driving_force"]})
     with pytest.raises(IdentificationError):
         found(turned)
     assert not judged(turned).usable

@@ -45,6 +45,6 @@ def test_a_bus_in_bursts_is_dated_by_its_counter_or_named_as_the_cause(
     if counted:
         assert ("alignment", "ok") in of_bus
         return
-    assert "declare a signal that counts them in `counters`" in of_bus["reader", "warn"]
+    assert "declare a signal that counts them in `counters`" in of_bus["late stamps", "warn"]
     assert "stamps come in bursts, 32 within" in of_bus["alignment", "fail"]
     assert not any("overlap" in reason for reason in shot.reasons)
