@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +15,30 @@ from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.quantity import Unit
 from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording, SignalHeader
-from recoil_acquisition.remark import Caution, Note, NoteCode, Severity, findings_of
+from recoil_acquisition.remark import Caution, Note, NoteCode, ReasonCode, Severity, findings_of
+from recoil_acquisition.shot import Check, Shot
 from recoil_daq.recording.ingest import explained_reader_of, match_sources
 from recoil_daq.terminal.result import Progress
+from recoil_daq.version import __version__
 from recoil_processing.quality.limits import LIMITS
+from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_processing.shot.verdict.mass_reasons import against_the_record
+from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.checks.plausible import unusual_peak
 from recoil_rigs.rig import ChannelSpec, Rig, Source, load_rig
-from recoil_rigs.shots.assemble import chain_applies, find_signal, range_si, shown_unit, si_line, unit_of
+from recoil_rigs.shots.assemble import (
+    assemble_channels,
+    chain_applies,
+    find_signal,
+    range_si,
+    shown_unit,
+    si_line,
+    unit_of,
+)
 from recoil_rigs.shots.assumptions import assumption_notes, assumptions_of
 from recoil_rigs.shots.can_signals import faults_of_can_signals, shared_names
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.shots.long_recording import cut_long_recordings
 from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.tables.certificate_table import USUAL_NAME as CERTIFICATES
 from recoil_rigs.tables.certificate_table import other_certificates
@@ -31,6 +46,8 @@ from recoil_rigs.tables.certificate_table import other_certificates
 _OF_A_FILE = ("unit", "samples", "rate_hz", "measured_in", "peak", "range")
 _AT_ONCE = 1 << 22
 """Number of samples that are looked at at once."""
+_REFUSED = (Check.ONSET, Check.FORCE, ReasonCode.ROLE, ReasonCode.NOT_IDENTIFIED)
+"""Checks and reasons without which there is no number at all."""
 MOST_IDENTIFIERS = 8
 """Number of a file's identifiers that a fault lists."""
 
@@ -129,6 +146,7 @@ def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress:
     faults += rig.not_calibrated(CalibrationDay.of_start(against.started(), DayOf.TODAY))
     if faults:
         raise RigError(rig.path, faults)
+    against.foretell()
     warnings = [*rig.warnings, *(w for source in rig.sources for w in shared_names(rig, source)), *against.warnings]
     table = rig.path.with_name(CERTIFICATES)
     warnings += other_certificates(rig.channels, table) if table.is_file() else []
@@ -145,6 +163,7 @@ class _AgainstFiles:
         self.notes: list[Note] = []
         self.absolute: list[str] = []
         self._starts: dict[str, str] = {}
+        self._recordings: dict[str, Recording] = {}
 
     def started(self) -> str:
         """Return when the shot of the files began, as ingest would have it; empty if none of them says."""
@@ -187,6 +206,7 @@ class _AgainstFiles:
         except RecoilDaqError as error:
             self._faults.append(_fault_of_file(path, error))
             return
+        self._recordings[source.name] = recording
         self._starts[source.name] = "" if recording.absolute_start is None else recording.absolute_start.text
         if recording.incomplete:
             self._faults.append(_of_file(path, f"the file was cut off: {recording.incomplete}; copy it again"))
@@ -198,6 +218,33 @@ class _AgainstFiles:
             wanted = ()
         channels = [self._channel(spec, source, recording) for spec in wanted]
         self.rows.append({"file": path.name, "source": source.name, "reader": reader.name, "channels": channels})
+
+    def foretell(self) -> None:
+        """Warn of what identification would refuse the shot of the files for, where all that it needs was given."""
+        if self._rig.reference_clock not in self._recordings:
+            return
+        self._progress("verdict")
+        try:
+            shot = self._judged()
+        except RecoilDaqError:
+            return  # ingest says it, with its options: a recording of several shots, say
+        if any(check.check is Check.FILE for check in shot.failed):
+            return
+        path = self._recordings[self._rig.reference_clock].path
+        failed = (check.remark() for check in shot.failed if check.check in _REFUSED)
+        refused = dict.fromkeys(map(str, (*failed, *(one for one in shot.against_mass if one.code in _REFUSED))))
+        self.warnings += [_of_file(path, f"identify would find no valid mass: {reason}") for reason in refused]
+
+    def _judged(self) -> Shot:
+        """Judge the shot of the files as ingest does."""
+        rig, recordings = self._rig, cut_long_recordings(self._rig, self._recordings, None)
+        channels = assemble_channels(rig, recordings, __version__)
+        shot = Shot("check", rig.name, rig.text, rig.reference_clock, channels, databases=rig.databases)
+        alignments = align_clocks(FiredShot(shot, rig))
+        day = CalibrationDay.of_start(self.started(), DayOf.TODAY)
+        quality = check_shot(FiredShot(shot, rig), alignments, recordings, day)
+        judged = replace(shot, alignments=alignments, quality=quality)
+        return replace(judged, against_mass=against_the_record(FiredShot(judged, rig)))
 
     def _compare_frame_rate(self, recording: Recording, source: Source) -> None:
         """Compare the frame rate that the rig declares with that of the file's own times."""

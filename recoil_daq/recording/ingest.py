@@ -75,7 +75,7 @@ class Ingested(Printed):
             "usable": shot.usable,
             "state": shot.state.value,
             "reasons": list(shot.reasons),
-            "findings": shot_findings(shot.quality, shot.against_mass),
+            "findings": shot_findings(shot.quality, shot.against_mass, shot.subjects),
             "against_mass": [reason.to_json() for reason in shot.against_mass],
             "assumptions": assumptions_of(self.rig),
             "channels": [

@@ -103,7 +103,7 @@ def print_verdict(document: Mapping[str, Any], console: Console | None = None) -
     verdict = VerdictLine.of(document)
     first, *further = verdict.reasons or ("",)
     # one line in one piece: a live region would swallow what does not end a line
-    line = Text(WORDS[verdict.state], style=STYLES_OF_STATES[verdict.state])
+    line = Text(WORDS[verdict.state] + verdict.without.upper(), style=STYLES_OF_STATES[verdict.state])
     line.append(verdict.counted, style="default not bold")
     line.append(f": {visible(first)}" if first else "", style="default not bold")
     for reason in further:

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from recoil_acquisition.shot import Verdict
+from recoil_acquisition.remark import Severity
+from recoil_acquisition.shot import Check, Verdict
 from recoil_acquisition.usability import Usability
 
 
@@ -33,10 +34,13 @@ class VerdictLine:
     def of(cls, document: Mapping[str, Any]) -> VerdictLine:
         """Take the verdict out of a document; one of before there were three states knows two."""
         usual = Usability.USABLE if document["usable"] else Usability.NOT_USABLE
+        warned = (f"{c['channel']}: {c['detail']}" for c in document["quality"] if c["verdict"] == "warn")
+        if "findings" in document:  # which say a cause once
+            warned = (one["text"] for one in document["findings"] if one["severity"] == Severity.WARN)
         return cls(
             Usability(document.get("state", usual)),
             tuple(document["reasons"]),
-            tuple(f"{c['channel']}: {c['detail']}" for c in document["quality"] if c["verdict"] == "warn"),
+            tuple(warned),
             tuple(document.get("findings", ())),
         )
 
@@ -53,10 +57,18 @@ class VerdictLine:
         return next(iter((*self.reasons, *self.warned)), "")
 
     @property
+    def without(self) -> str:
+        """Names of what the mass of a usable shot is found without, in words behind the state; empty for nothing."""
+        if self.state is not Usability.USABLE:
+            return ""
+        aside = dict.fromkeys(str(one["about"]) for one in self.findings if one["code"] == Check.SET_ASIDE)
+        return f" without {', '.join(aside)}" if aside else ""
+
+    @property
     def counted(self) -> str:
         """How many warnings there are, in words behind the state; empty for none."""
         count = len(self.warned)
         return f", {count} warning{'' if count == 1 else 's'}" if count else ""
 
     def __str__(self) -> str:
-        return f"{self.state}{self.counted}" + (f": {self.first}" if self.first else "")
+        return f"{self.state}{self.without}{self.counted}" + (f": {self.first}" if self.first else "")

@@ -19,7 +19,7 @@ from typing import Any
 
 from recoil_acquisition.declaration import declared_rows, unknown_keys
 from recoil_acquisition.devices.can_device import delivers_several_buses
-from recoil_acquisition.errors import Fault, FaultCode, ReadError, RigError, Row
+from recoil_acquisition.errors import Fault, FaultCode, KeyPath, ReadError, RigError, Row
 from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.files.regular_file import check_regular, read_small
 from recoil_acquisition.listing import Listed, Listing
@@ -27,7 +27,7 @@ from recoil_acquisition.readers.can.messages import CanDatabase, load_database
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.trigger.detector import Trigger
 from recoil_acquisition.trigger.table import trigger_from_table
-from recoil_rigs.checks.plausible import implausible_values, unusual_values
+from recoil_rigs.checks.plausible import foreign_keys, implausible_values, unusual_values
 from recoil_rigs.checks.rig_alignments import motion_channels
 from recoil_rigs.checks.rig_faults import (
     checked_mechanism,
@@ -325,9 +325,19 @@ class Rig(Listed):
     @property
     def warnings(self) -> tuple[Fault, ...]:
         """Values that a rig may have and few do."""
-        sources = [((Row("source", source.name),), source) for source in self.sources]
-        channels = [((Row("channel", channel.name),), channel) for channel in self.channels]
-        return tuple(unusual_values(self.mechanism, sources, channels))
+        sources, channels = self._rows
+        return (*unusual_values(self.mechanism, sources, channels), *self.foreign_keys)
+
+    @property
+    def foreign_keys(self) -> tuple[Fault, ...]:
+        """Keys of channels' ``sensor`` that say nothing of what the channel measures."""
+        return tuple(foreign_keys(self.mechanism, *self._rows))
+
+    @property
+    def _rows(self) -> tuple[list[tuple[KeyPath, Source]], list[tuple[KeyPath, ChannelSpec]]]:
+        """Sources and channels with their places in the file."""
+        sources: list[tuple[KeyPath, Source]] = [((Row("source", one.name),), one) for one in self.sources]
+        return sources, [((Row("channel", one.name),), one) for one in self.channels]
 
     def not_calibrated(self, day: CalibrationDay) -> tuple[Fault, ...]:
         """Return the calibrations that do not cover a day: past their due date, or made later."""

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from recoil_acquisition.devices.device import EVENT, LATE_S, Block
+from recoil_acquisition.devices.device import EVENT, Block
+
+WAITED_S = 0.02
+"""Time from which on what waited before it was read moves the begin of a shot: far less than makes a source late, for
+the frames' own clock counts from when they came."""
 
 
 class LateReads:
@@ -28,7 +32,7 @@ class LateReads:
         if opened is not None and block.empty_ns >= opened[1]:
             opened = None
             del self._open_ns[block.source]
-        if opened is None and before_ns is not None and block.late_s(before_ns) > LATE_S:
+        if opened is None and before_ns is not None and block.late_s(before_ns) > WAITED_S:
             opened = max(block.empty_ns, before_ns), block.host_ns
             self._open_ns[block.source] = opened
         return None if opened is None else opened[0] / 1e9

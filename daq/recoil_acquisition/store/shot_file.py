@@ -28,7 +28,7 @@ from recoil_acquisition.files.shot_name import check_shot_name
 from recoil_acquisition.reader_process import EXPANSION, READER, SPARE_BYTES
 from recoil_acquisition.readers.hdf5.kind import SIGNATURE
 from recoil_acquisition.recorded_file import RecordedFile
-from recoil_acquisition.shot import ClockAlignment, Shot, reasons_of, shot_findings
+from recoil_acquisition.shot import ClockAlignment, Shot, Subject, reasons_of, shot_findings
 from recoil_acquisition.store.channel_layout import signals_of, time_groups
 from recoil_acquisition.store.file_tree import Group, last_word, tree_of
 from recoil_acquisition.store.layout import (
@@ -147,6 +147,8 @@ def summarise_layout(file: Any) -> dict[str, Any]:
     if not started and acquisition is not None:
         started, source = acquisition.trigger_utc, AT_TRIGGER
     against_mass = read_against_mass(entry)
+    rows = [row for _, row in sorted(channels, key=lambda placed: placed[0])]
+    subjects = [Subject(row["name"], row["role"], row["clock"], row["quantity"]) for row in rows]
     state = usability([check for check in quality if check.verdict == "fail"], against_mass)
     return {
         "schema": SCHEMA,
@@ -157,9 +159,9 @@ def summarise_layout(file: Any) -> dict[str, Any]:
         "started_source": source or None,
         "usable": state is Usability.USABLE,
         "state": state.value,
-        "reasons": list(reasons_of(quality, against_mass)),
-        "findings": shot_findings(quality, against_mass),
-        "channels": [row for _, row in sorted(channels, key=lambda placed: placed[0])],
+        "reasons": list(reasons_of(quality, against_mass, subjects)),
+        "findings": shot_findings(quality, against_mass, subjects),
+        "channels": rows,
         "alignments": [a.to_json() for a in read_alignments(entry)],
         "quality": [c.to_json() for c in quality],
         "inputs": [

@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.estimate.budget import CHOICE_FACTORS, BudgetRow, with_shapes_together
-from recoil_identification.estimate.mass import LEAST_ROWS
 from recoil_identification.rows.causes import Cause
 from recoil_processing.filters import LowPassFilter
-from recoil_processing.shot.regression import Regression, spaced_rows
+from recoil_processing.shot.regression import LEAST_ROWS, Regression, spaced_rows
 
 LARGEST_CUTOFF_EFFECT = 9e-4
 """Largest change of the mass by other cut-offs, relative: as much is the noise of other samples, which the random part

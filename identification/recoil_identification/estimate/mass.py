@@ -21,11 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.errors import IdentificationError
 from recoil_identification.estimate.budget import BudgetRow, combined_u, coverage_factor, effective_degrees_of_freedom
 from recoil_identification.estimate.rounding import in_kg, rounded
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, spaced_rows
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, telling_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 Array = NDArray[np.float64]
@@ -38,8 +37,6 @@ RANDOM = ErrorSource(SourceKind.RANDOM)
 ACCELERATION = ErrorSource(SourceKind.SENSITIVITY, "recoil_acceleration")
 FRICTION = ErrorSource(SourceKind.FRICTION)
 """Sources of the budget rows of the accelerometer's scale and of the friction."""
-LEAST_ROWS = 10
-"""Fewer rows with errors of their own say nothing about those errors."""
 
 
 def force_scale(force: str) -> ErrorSource:
@@ -116,7 +113,7 @@ def forward_mass(regression: Regression, scales: ScaleUncertainty) -> MassEstima
     IdentificationError
         If the interval has too few rows, or force and acceleration have nothing in common.
     """
-    rows = _rows(regression)
+    rows = telling_rows(regression)
     a, f = regression.acceleration_m_s2[rows], regression.force_n[rows]
     mass = float(a @ f / (a @ a))
     residual = f - mass * a
@@ -134,7 +131,7 @@ def reverse_mass(regression: Regression, scales: ScaleUncertainty) -> MassEstima
     IdentificationError
         If the interval has too few rows, or force and acceleration have nothing in common.
     """
-    rows = _rows(regression)
+    rows = telling_rows(regression)
     a, f = regression.acceleration_m_s2[rows], regression.force_n[rows]
     inverse = float(a @ f / (f @ f))
     residual = a - inverse * f
@@ -159,24 +156,6 @@ def correlation_factor(residual: Array) -> float:
         return 1.0
     r = min(max(float(residual[1:] @ residual[:-1]) / energy, 0.0), 0.95)
     return math.sqrt((1 + r) / (1 - r))
-
-
-def _rows(regression: Regression) -> NDArray[np.int64]:
-    rows = spaced_rows(regression)
-    if rows.size < LEAST_ROWS:
-        raise IdentificationError(
-            f"only {rows.size} independent rows in the identification interval",
-            expected=f"at least {LEAST_ROWS}",
-            remedy="check for lost samples, raise the cut-off, or record faster",
-        )
-    common = float(regression.acceleration_m_s2[rows] @ regression.force_n[rows])
-    if not common > 0:
-        raise IdentificationError(
-            "force and acceleration do not go together: no positive mass relates them",
-            found=f"a sum of their products of {common:.3g} N m/s^2",
-            remedy="check areas, units and polarities in the rig file",
-        )
-    return rows
 
 
 def _regressors(regression: Regression, rows: NDArray[np.int64]) -> Array:

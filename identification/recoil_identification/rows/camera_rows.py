@@ -209,6 +209,9 @@ def camera_rows(
     within = (number >= -BEFORE_S / MEAN_S) & (frames_s <= end_s)
     if track is None or np.unique(number[within & (number >= 0)]).size < LEAST_MEANS:
         return None
+    at_rest = positions_m[within & (number < 0)]
+    if at_rest.size:
+        positions_m = positions_m - picture_origin_m(float(np.median(at_rest)))
     _, places, counts = np.unique(number[within], return_inverse=True, return_counts=True)
     times_s, start_s, step_s = frames_s[within], float(regression.times_s[0]), regression.step_s
     moving = regression.times_s >= onset_s
@@ -255,6 +258,17 @@ def camera_rows(
         drift=tracked.drift,
         u_rate=tracked.u_rate,
     )
+
+
+def picture_origin_m(rest_m: float) -> float:
+    """Return the place of the battery in a camera's picture, whose origin is anywhere.
+
+    Parameters
+    ----------
+    rest_m
+        Place of the mark before the shot, m. One that is within what it is uncertain by anyway, `U_START_M`, is none.
+    """
+    return rest_m if abs(rest_m) > U_START_M else 0.0
 
 
 def _u_zero(signals: Signals, role: str) -> float:

@@ -26,7 +26,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.correlation import Correlation
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows import equation_of_motion as motion
-from recoil_identification.rows.camera_rows import LATE, MEAN_S, RATE, START, U_START_M
+from recoil_identification.rows.camera_rows import LATE, MEAN_S, RATE, START, U_START_M, picture_origin_m
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.motion_noise import CORRELATED
 from recoil_identification.rows.row_noise import walked
@@ -71,6 +71,8 @@ class ForcedTravel(ReadOnlyArrays):
     u_shift_s, u_rate, u_distortion_m
         Standard uncertainties of tau, of the clock's drift and of the first distortion; half of it is the next one's.
         Infinite where nothing is known beforehand.
+    origin_m
+        Place of the battery in the picture, by `picture_origin_m`.
     motion_m2 : ndarray, shape (n_rows, n_rows), or None
         Covariance of what the motion's own noise integrates to; None while it is not known.
     """
@@ -90,6 +92,7 @@ class ForcedTravel(ReadOnlyArrays):
     u_rate: float
     u_distortion_m: float
     drift: float = 0.0
+    origin_m: float = 0.0
     motion_m2: Array | None = None
 
     @classmethod
@@ -144,13 +147,14 @@ class ForcedTravel(ReadOnlyArrays):
             u_rate=u_rate,
             drift=drift,
             u_distortion_m=max((spec.sensor.u_bent_m for spec in specs), default=0.0),
+            origin_m=picture_origin_m(track.rest_m) if track.rest_frames else 0.0,
         )
 
     @property
     def priors(self) -> list[Prior]:
         """Priors of the unknowns that are in no force; those without one are told by the frames alone."""
         known = [
-            (START.name, START.name, U_START_M, 0.0),
+            (START.name, START.name, U_START_M, self.origin_m),
             (ErrorSource(SourceKind.ALIGNMENT, self.clock), LATE.name, self.u_shift_s, 0.0),
             (ErrorSource(SourceKind.CLOCK_RATE, self.clock), RATE.name, self.u_rate, -self.drift),
             *((name, name, self.u_distortion_m / 2**number, 0.0) for number, name in enumerate(DISTORTIONS)),

@@ -11,7 +11,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.measured import worded
 from recoil_acquisition.remark import Note, NoteCode
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot import Shot, as_notes, by_cause
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.chain_suspicion import chain_suspicion
 from recoil_identification.calibration.gauge_agreement import gauge_set_aside
@@ -223,14 +223,16 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
     alignments = {one.clock: one for one in fired.shot.alignments}
     inertial = route.tracked is None
     biased = _endogeneity(route.recorded, corrections if method == "calibrated" else None) if inertial else None
-    reasons = reasons_against(fired, route, trace, constancy, biased, chain)
+    against = reasons_against(fired, route, trace, constancy, biased, chain)
+    noted = notes_on(fired, route, trace)
+    reasons, explained = by_cause(against, fired.shot.subjects)
     return Identification(
         options=options,
         route=route,
         specification=fired.rig.specification,
         results=results,
         sensors=sensors_of(fired.rig),
-        summary=shot_summary(calibration, fired.rig, against_this_shot(reasons, fired.rig)),
+        summary=shot_summary(calibration, fired.rig, against_this_shot(against, fired.rig)),
         monte_carlo=propagate(calibration.draws()),
         endogeneity=biased,
         constancy=constancy,
@@ -240,11 +242,11 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         stress_waves=find_stress_waves(fired, route.signals, route.filter_choice),
         peaks=_peaks(fired.shot, route) if inertial else None,
         alignments=alignments,
-        reasons=reasons,
+        reasons=tuple(reasons),
         baseline=baselines_of(fired, route.signals, route.camera, alignments),
         assumptions=assumptions_of(fired.rig),
         force_checks=force_checks(calibration, route.signals, fired),
-        notes=(*notes_on_doubts(calibration, constancy, chain), *notes_on(fired, route, trace), *route.notes),
+        notes=(*as_notes(explained), *notes_on_doubts(calibration, constancy, chain), *noted, *route.notes),
     )
 
 

@@ -118,6 +118,9 @@ LIMITS: Mapping[str, Limit] = MappingProxyType(
         "force_correlation": Limit(
             0.9, 0.0, "correlation of force and acceleration", "below 0 one of them is turned", below=True
         ),
+        "redundant_gain": Limit(
+            3.0, NEVER, "gain of a channel that repeats another, off 1, over its standard uncertainty", "one of 370"
+        ),
         "skew_s": Limit(
             1e-4, NEVER, "time skew of force and acceleration, s", "200 us cost 0.2 % of the mass, 1 ms 5 %"
         ),

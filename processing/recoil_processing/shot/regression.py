@@ -43,6 +43,8 @@ Taken as an instant, the reversal alone would make the friction of many shots to
 """
 SLOW_SHARE = 0.05
 """Share of the largest speed below which a body stops."""
+LEAST_ROWS = 10
+"""Fewer rows with errors of their own say nothing about those errors."""
 LEAST_SPACED = 24
 """Rows of a body on a line below which those of the quiet around its motion are counted."""
 SLOWER = 0.25
@@ -407,3 +409,28 @@ def spaced_rows(regression: Regression) -> NDArray[np.int64]:
             used[last + around :] = False
     rows = np.round(np.arange(first, regression.times_s.size - 0.5, apart)).astype(np.int64)
     return rows[used[rows]]
+
+
+def telling_rows(regression: Regression) -> NDArray[np.int64]:
+    """Return the indices of rows that tell a mass, `spaced_rows` of them.
+
+    Raises
+    ------
+    IdentificationError
+        If they are fewer than `LEAST_ROWS`, or no positive mass relates force and acceleration.
+    """
+    rows = spaced_rows(regression)
+    if rows.size < LEAST_ROWS:
+        raise IdentificationError(
+            f"only {rows.size} independent rows in the identification interval",
+            expected=f"at least {LEAST_ROWS}",
+            remedy="check for lost samples, raise the cut-off, or record faster",
+        )
+    common = float(regression.acceleration_m_s2[rows] @ regression.force_n[rows])
+    if not common > 0:
+        raise IdentificationError(
+            "force and acceleration do not go together: no positive mass relates them",
+            found=f"a sum of their products of {common:.3g} N m/s^2",
+            remedy="check areas, units and polarities in the rig file",
+        )
+    return rows

@@ -127,7 +127,7 @@ class ArmedScreen:
         verdict = VerdictLine.of(document)
         reason = next(iter(verdict.reasons), "")
         keys = f" (key {WORDS_KEY})" if verdict.warned and self.has_keys else ""
-        text = f"shot {document['shot']} {verdict.state}{verdict.counted}{keys}"
+        text = f"shot {document['shot']} {verdict.state}{verdict.without}{verdict.counted}{keys}"
         self.notice(f"{text}: {reason}" if reason else text)
         if fault := document.get("log_fault"):
             self.notice(f"shot log of {document['shot']}: {fault}")

@@ -188,6 +188,41 @@ def unusual_values(
     return found
 
 
+def foreign_keys(
+    mechanism: Mechanism, sources: Sequence[tuple[KeyPath, Source]], channels: Sequence[tuple[KeyPath, ChannelSpec]]
+) -> list[Fault]:
+    """Name what a channel's ``sensor`` states and no sensor of its quantity has: it may be that of another channel.
+
+    Parameters are as of `implausible_values`.
+    """
+    cameras = {source.name for _, source in sources if source.kind == "camera"}
+    found = []
+    for where, channel in channels:
+        stated = channel.sensor.model_fields_set
+        of_others = {
+            "position": channel.quantity not in PLACED and any(channel.sensor.position),
+            "u_distortion_m": channel.source not in cameras,
+            "u_zero_rel": mechanism.recoils_once and channel.quantity in TURNING,
+        }
+        found += [
+            Fault(
+                (*where, "sensor", key),
+                f"says nothing of a sensor of {channel.quantity.replace('_', ' ')}: is this the `sensor` table of "
+                "another channel? Compare its serial number with the certificate, or leave the key out",
+                FaultCode.UNUSUAL,
+            )
+            for key, foreign in of_others.items()
+            if foreign and key in stated
+        ]
+    return found
+
+
+TURNING = ("acceleration", "angular_rate", "angular_acceleration")
+"""Quantities whose sensors' zeros a gun's rest before the shot tells."""
+PLACED = (*TURNING, "displacement", "velocity")
+"""Quantities that hang on where on its body a sensor sits."""
+
+
 def unusual_peak(channel: ChannelSpec, peak: float, model: MechanismModel) -> str:
     """Say what is unusual of the largest value that a file has of a channel; empty if nothing is.
 

@@ -103,8 +103,12 @@ class FiredShot:
         return FiredShot(self.shot.without_channel(name), self.rig.without_channel(name))
 
     def unrecorded(self, name: str) -> FiredShot:
-        """Leave a channel out of the shot; the rig keeps its sensor, so that it is missed."""
-        return replace(self, shot=self.shot.without_channel(name))
+        """Leave a channel, or all that a source recorded, out of the shot; the rig keeps it, so that it is missed."""
+        shot = self.shot.without_channel(name)
+        for one in self.shot.channels.values():
+            if one.time_base.clock == name:
+                shot = shot.without_channel(one.name)
+        return replace(self, shot=replace(shot, alignments=tuple(a for a in shot.alignments if a.clock != name)))
 
     def aligned_by(self, alignment: ClockAlignment) -> FiredShot:
         """Map one clock to the reference clock in another way than the shot states."""

@@ -323,6 +323,19 @@ def test_only_what_dated_the_trigger_moves_its_shot() -> None:
     assert (window.trigger_s, window.start_s) == pytest.approx((11.4, 10.49 - 0.2), abs=0.011)
 
 
+@pytest.mark.parametrize(("waited_s", "earlier_s"), [(0.01, 0.0), (0.04, 0.04), (0.12, 0.12)])
+def test_the_rest_before_a_trigger_is_counted_from_when_its_frames_may_have_come(
+    waited_s: float, earlier_s: float
+) -> None:
+    came = [t for t in hundredths(10, 12) if not 11.0 - waited_s < t < 11.0]
+    frames = [
+        read(can_block(t, can_record(t, 100.0 if t >= 11.0 else 0.0)), t - (waited_s if t == 11.0 else 0.005))
+        for t in came
+    ]
+    window = window_of([*frames, *of_port(hundredths(10, 12))])
+    assert (window.trigger_s, window.start_s) == pytest.approx((11.0, 11.0 - earlier_s - 0.2), abs=1e-6)
+
+
 def test_what_waited_comes_in_several_blocks_and_the_last_of_them_is_as_late() -> None:
     waited = [*of_bus(hundredths(10, 10.5), 11.5), *of_bus([11.4, 11.41, 11.42], 11.42, 10.5)]
     window = window_of([*waited, *of_bus(hundredths(11.5, 12), 11.0), *of_port(hundredths(10, 12))])

@@ -199,8 +199,8 @@ def test_every_failed_check_and_every_doubtful_clock_is_one_reason():
     shot = replace(virtual.shot, alignments=(bad,), quality=(failed, alignment))
     found = identify_shot(FiredShot(shot, virtual.rig), Options())
     assert found.reasons == (
-        f"quality: {failed.channel}: cable off",
         "clock camera: alignment failed: no motion",
+        f"quality: {failed.channel}: cable off",
     )
     assert "kinematic" not in found.results
 

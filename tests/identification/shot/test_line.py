@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import math
 from dataclasses import replace
 
@@ -10,12 +11,16 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.shot import Shot
 from recoil_identification.rows.unread_resistance import SHARE, SLIDE
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import LEAST_SPACED
+from recoil_processing.shot.verdict.mass_reasons import against_the_record
+from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from tests.builders.line_motions import TURNING_M_S, LineBody
 from tests.builders.line_shots import hammer, sled_outcome
 
@@ -86,8 +91,37 @@ def test_a_rest_before_the_motion_tells_the_zero_of_the_accelerometer() -> None:
 
 
 def test_without_a_rest_and_a_speed_no_friction_has_a_direction() -> None:
+    fired = BODY.fired("driving_force", "resisting_force", "recoil_acceleration")
     with pytest.raises(IdentificationError, match="nothing tells how fast"):
-        found(BODY.fired("driving_force", "resisting_force", "recoil_acceleration"))
+        found(fired)
+    assert "the body moves when the record begins, and nothing tells how fast" in judged(fired).reasons[0]
+
+
+@pytest.mark.parametrize("role", ["recoil_acceleration", "recoil_velocity", "recoil_displacement"])
+def test_a_body_that_is_driven_the_other_way_is_refused_at_the_range_as_at_the_desk(role: str) -> None:
+    read = BODY.readings()
+    turned = BODY.fired("driving_force", role, readings=read | {"driving_force": -read["driving_force"]})
+    with pytest.raises(IdentificationError):
+        found(turned)
+    assert not judged(turned).usable
+
+
+def test_a_record_of_a_body_at_rest_is_refused_at_the_range_as_at_the_desk() -> None:
+    body = replace(BODY, rest_s=0.5)
+    read = {
+        role: np.where(np.arange(one.size) < 0.4 * body.rate_hz, one, one[0]) for role, one in body.readings().items()
+    }
+    still = body.fired(*ALL, readings=read)
+    with pytest.raises(IdentificationError):
+        found(still)
+    assert not judged(still).usable
+
+
+def judged(fired: FiredShot) -> Shot:
+    """Judge a shot as ingest does."""
+    quality = check_shot(fired, fired.shot.alignments, {}, CalibrationDay(dt.date(2026, 6, 1), DayOf.START))
+    shot = replace(fired.shot, quality=quality)
+    return replace(shot, against_mass=against_the_record(FiredShot(shot, fired.rig)))
 
 
 @pytest.mark.whole_way

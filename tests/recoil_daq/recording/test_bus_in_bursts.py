@@ -8,6 +8,7 @@ from pathlib import Path
 import can
 import pytest
 
+from recoil_acquisition.shot import shot_findings
 from recoil_daq import ingest_files
 from recoil_rigs.rig import find_rig, parse_rig
 from recoil_rigs.twin import TwinShot
@@ -45,6 +46,12 @@ def test_a_bus_in_bursts_is_dated_by_its_counter_or_named_as_the_cause(
     if counted:
         assert ("alignment", "ok") in of_bus
         return
-    assert "declare a signal that counts them in `counters`" in of_bus["reader", "warn"]
+    assert "declare a signal that counts them in `counters`" in of_bus["late stamps", "warn"]
     assert "stamps come in bursts, 32 within" in of_bus["alignment", "fail"]
+    # the cause is said once, with its own remedy, and what follows from it stays readable
+    (reason,) = shot.reasons
+    assert "declare a signal that counts them in `counters`; this explains 5 more" in reason
+    notes = [one["code"] for one in shot_findings(shot.quality, shot.against_mass, shot.subjects)
+             if one["severity"] == "note" and one["code"] != "reader"]  # fmt: skip
+    assert sorted(notes) == ["alignment", "role", "role", "time steps", "time steps"]
     assert not any("overlap" in reason for reason in shot.reasons)

@@ -4,9 +4,11 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from recoil_rigs.twin import TwinShot
+from tests.builders.line_rigs import line_text
 
 
 @pytest.fixture
@@ -319,3 +321,20 @@ def test_an_absolute_unit_that_the_file_alone_states_is_among_what_is_assumed(
     assert [one["quantity"] for one in document["assumptions"] if one["taken"] == line] == ["p_breech"]
     assert f"{line}: p_breech" in " ".join(run("check", rig, file).stdout.split())
     assert not any(one["taken"] == line for one in json.loads(run("check", rig, "--json").stdout)["assumptions"])
+
+
+def test_what_identification_would_refuse_is_a_warning(run, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(line_text("driving_force", "recoil_acceleration"), encoding="utf-8")
+    moving = tmp_path / "0001_daq.csv"
+    times_s = np.arange(0.0, 2.0, 1e-3)
+    force_n = 200.0 * np.sin(5.0 * times_s + 1.0)
+    rows = [f"{t:.3f},{f:.4f},{f / 95.1:.5f}" for t, f in zip(times_s, force_n, strict=True)]
+    head = "Time (s),driving_force (N),recoil_acceleration (m/s2)"
+    moving.write_text("\n".join([head, *rows, ""]), encoding="utf-8")
+    result = run("check", rig, moving, "--json")
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    (said,) = [one for one in document["findings"] if "identify would find" in one["text"]]
+    assert said["severity"] == "warn"
+    assert "the body moves when the record begins, and nothing tells how fast" in said["text"]

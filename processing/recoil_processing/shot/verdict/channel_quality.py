@@ -33,6 +33,7 @@ from recoil_processing.quality.spectral_checks import (
     check_srs_symmetry,
     last_octave_fall_db,
 )
+from recoil_processing.quality.word_overflow import find_word_overflow
 from recoil_processing.repairs.hum import Hum, subtract_hum
 from recoil_processing.shot.gauge_zero import moving_zero_pa
 from recoil_processing.shot.regression import MASS_ROLES, PRESSURE_ROLES
@@ -109,6 +110,13 @@ def check_channel(
     if not by_camera:
         yield Check.LOSSES, check_losses(samples, channel.time_base.rate_hz, channel.overloads)
         limits = range_si(spec)
+        overflow = find_word_overflow(_shown(samples, own))
+        if overflow is not None:
+            # its range, its polarity and its spectrum say nothing of what it measured
+            verdict, detail = overflow.outcome(unit)
+            used = channel.role or channel.name in aligning_channels(rig)
+            yield Check.OVERFLOW, (verdict if used else "warn", detail)
+            return
         ranged = None if limits is None else check_clipping(_shown(samples, own), *_shown(limits, own), unit=unit)
         if ranged is not None:
             yield Check.RANGE, ranged

@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.channel import Channel
 from recoil_acquisition.measured import worded
 from recoil_acquisition.shot import Check, QualityCheck, Shot
 from recoil_processing.double_integral import integrate
@@ -36,7 +37,7 @@ from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import Signals
 from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES
 from recoil_processing.shot.verdict.motion_quality import Recoil
-from recoil_rigs.rig import ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
+from recoil_rigs.rig import ChannelSpec, ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
 from recoil_rigs.shots.assumptions import CARRIAGE_ROLES
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
@@ -52,6 +53,12 @@ LOSSY = frozenset(
     | {Check.MISSING_FRAMES, Check.STREAM}
 )
 """Checks of what is lost of a channel, or of a source's channels."""
+ABSENT = LOSSY | {
+    Check.FILE, Check.DELIVERY, Check.CONNECTION, Check.KERNEL_DROPS, Check.DAMAGED_ENTRIES, Check.LOST_FRAMES,
+    Check.ALIGNMENT,
+}  # fmt: skip
+"""Checks that fail of what is not there: a source without a file, or a channel without a sample."""
+WITHOUT = "the mass is found without it"
 MISSABLE = (*CARRIAGE_ACCELERATIONS, "carriage_rate")
 """Roles without which a mass by the accelerometer is valid: frames are not used, or a row of the budget stands in."""
 MOST_LOST = 0.2
@@ -89,7 +96,8 @@ def weighed(checks: Sequence[QualityCheck], fired: FiredShot, recoil: Recoil | N
     Parameters
     ----------
     recoil
-        Motion of the shot; None where none was recorded: then only what no mass hangs on is no failure.
+        Motion of the shot; None where none was recorded: a shot that no mass can be asked of has other reasons, and
+        what only corrects warns.
 
     Returns
     -------
@@ -98,9 +106,23 @@ def weighed(checks: Sequence[QualityCheck], fired: FiredShot, recoil: Recoil | N
     """
     judged: list[QualityCheck] = []
     aside: dict[str, QualityCheck] = {}
+    gone = _dispensable(fired)
+    asked = motion_role(fired) == "recoil_displacement" or not (
+        recoil is None or recoil.regression is None or recoil.turned
+    )
     for check in checks:
+        if check.verdict == "fail" and check.check in ABSENT and (what := gone.get(check.channel)) is not None:
+            if what in aside:
+                judged.append(replace(check, verdict="warn"))
+            else:
+                aside[what] = QualityCheck(what, Check.SET_ASIDE, "warn", worded(check.detail, f"; {WITHOUT}"))
+            continue
         concerned = _concerned(check, fired) if check.verdict == "fail" else None
         worst = None if concerned is None else consequence(fired, recoil, concerned, noise=check.check in NOISY)
+        if concerned is not None and not asked:
+            detail = check.detail if worst is None else worded(check.detail, f"; {worst}")
+            judged.append(replace(check, verdict="warn", detail=detail))
+            continue
         if concerned is None or worst is None:
             judged.append(check)
             continue
@@ -110,9 +132,60 @@ def weighed(checks: Sequence[QualityCheck], fired: FiredShot, recoil: Recoil | N
         judged.append(replace(check, verdict="warn" if small or missable else "fail", detail=detail))
         if missable and not small:
             names = [c.name for role in sorted(concerned) for c in fired.shot.with_role(role)]
-            text = f"the mass is found without it, because of its {check.name}: mend it before the next shot"
+            text = f"{WITHOUT}, because of its {check.name}: mend it before the next shot"
             aside |= {name: QualityCheck(name, Check.SET_ASIDE, "warn", text) for name in names if name not in aside}
     return [*judged, *aside.values()]
+
+
+def _dispensable(fired: FiredShot) -> dict[str, str]:
+    """Return what recorded nothing and the mass does not hang on: channels, and sources that have no other.
+
+    Returns
+    -------
+    dict of str to str
+        Name of each channel and source -> name of the source if that has no other channel, else of the channel.
+    """
+    rig, found = fired.rig, dict[str, str]()
+    there = {name for name, channel in fired.shot.channels.items() if _recorded(channel)}
+    left = FiredShot(replace(fired.shot, channels={name: fired.shot.channels[name] for name in there}), rig)
+    for source in rig.sources:
+        specs = rig.channels_of(source.name)
+        if source.name == rig.reference_clock or not specs:
+            continue
+        absent = [spec for spec in specs if spec.name not in there]
+        if needs(left, absent):
+            continue
+        whole = len(absent) == len(specs)
+        found |= {spec.name: source.name if whole else spec.name for spec in absent}
+        found |= {source.name: source.name} if whole else {}
+    return found
+
+
+def _recorded(channel: Channel) -> bool:
+    return int(np.count_nonzero(np.isfinite(channel.measured))) >= LEAST_SAMPLES
+
+
+def needs(fired: FiredShot, absent: Sequence[ChannelSpec]) -> bool:
+    """Return whether there is no mass, or none that is valid, without some channels of the rig.
+
+    Parameters
+    ----------
+    fired
+        Shot without them.
+    absent
+        Channels that are not in it.
+    """
+    if any(not fired.of_force(force) for force in fired.rig.forces if any(one in absent for one in force.channels)):
+        return True
+    motion, mechanism = motion_role(fired), fired.rig.mechanism
+    needed = {"tipping_rate", *(mechanism.motion_roles if motion is None else ())}
+    if motion == "recoil_displacement" and mechanism.mounted:
+        needed |= set(CARRIAGE_ROLES)
+    if any(spec.role in needed and fired.shot.by_role(spec.role) is None for spec in absent):
+        return True
+    names = {spec.name for spec in absent}
+    clocks = {channel.time_base.clock for channel in fired.shot.channels.values() if channel.role}
+    return any(source.name in clocks and names & _aligned_by(source.align) for source in fired.rig.sources)
 
 
 def set_aside(shot: Shot) -> tuple[QualityCheck, ...]:

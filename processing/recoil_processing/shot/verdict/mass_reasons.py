@@ -6,6 +6,7 @@ estimate can tell. So a shot that is usable at the range is valid at the desk un
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator
 
 import numpy as np
@@ -17,14 +18,17 @@ from recoil_acquisition.shot import Check, ClockAlignment, Shot
 from recoil_acquisition.shot import doubted_clocks as clocks_in_doubt
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.camera_stand import contradicts_stand
-from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
+from recoil_processing.shot.clocks.force_clocks import METHOD as BY_FORCE
+from recoil_processing.shot.clocks.force_clocks import recoil_only
+from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil, carriage_lacks
 from recoil_processing.shot.instants import delay_of
 from recoil_processing.shot.kinematics import lacks
 from recoil_processing.shot.motion_role import motion_lacks, motion_role
-from recoil_processing.shot.regression import Regression
-from recoil_processing.shot.signals import Signals, collect_signals
+from recoil_processing.shot.regression import Regression, telling_rows
+from recoil_processing.shot.signals import Signals, at_instants, collect_signals
 from recoil_processing.shot.thinned import thinned
-from recoil_processing.shot.verdict.motion_quality import Recoil, recoil_of
+from recoil_processing.shot.verdict.consequence import set_aside
+from recoil_processing.shot.verdict.motion_quality import recoil_of
 from recoil_rigs.rig import ChannelSpec, Rig
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.rig_tables import FORCE_ROLES
@@ -51,30 +55,64 @@ def against_the_record(fired: FiredShot) -> tuple[Reason, ...]:
     """
     fired, _ = thinned(fired)
     alignments = {a.clock: a for a in fired.shot.alignments}
+    said = {(check.check, check.channel) for check in fired.shot.failed}
     failed = {clock for clock, one in alignments.items() if one.status == "failed"}
     reasons = [
         *doubts_of(fired.rig),
         *(one for one in doubted_clocks(fired) if one.about not in failed),
     ]
     role = motion_role(fired)
+    motionless = []
     if role is None:
         found = ", and ".join(motion_lacks(fired, one) for one in fired.rig.mechanism.motion_roles)
         remedy = "add its file, or declare its role in the rig file"
-        reasons.append(Reason(ReasonCode.ROLE, "shot", f"no mass without a motion: {found}; {remedy}"))
+        motionless = [Reason(ReasonCode.ROLE, "shot", f"no mass without a motion: {found}; {remedy}")]
     try:
         signals = collect_signals(fired, alignments)
     except IdentificationError as error:
-        return (*reasons, Reason(ReasonCode.ROLE, "shot", str(error)))
-    reasons += without_forces(signals, fired.rig)
+        known = (Check.ONSET, "shot") in said
+        return (*reasons, *motionless, *(() if known else (Reason(ReasonCode.ROLE, "shot", str(error)),)))
+    forceless = list(without_forces(signals, fired.rig))
+    reasons += [*forceless, *motionless]
     by_camera = role == "recoil_displacement" and fired.rig.mechanism.mounted
     if by_camera and (missing := carriage_lacks(signals, fired.rig)):
         against = "which turned the bore" if fired.rig.camera_on_ground else "from which the camera sees the recoil"
         text = f"no usable channel of role {', '.join(missing)}: nothing tells how the tipping part moved, {against}"
         reasons.append(Reason(ReasonCode.ROLE, missing[0], f"{text}; record it"))
     reasons += against_signals(signals, fired.rig)
-    if role is not None and not by_camera and (lost := _lost_force(fired)) is not None:
-        reasons += against_losses(fired.shot, lost)
+    if role is None or forceless or (by_camera and missing):
+        return tuple(reasons)
+    recoil = None if by_camera else recoil_of(fired, alignments)
+    if recoil is not None and recoil.regression is not None:
+        filtered = recoil.regression.filtered(LowPass(recoil.low_pass.cutoff_hz))
+        if not bool(recoil.regression.trusted[recoil.regression.inside].all()):
+            reasons += against_losses(fired.shot, lost_share(filtered))
+    try:
+        if by_camera:
+            _require_track(fired, signals)
+        elif recoil is not None and recoil.regression is not None:
+            telling_rows(filtered)
+    except IdentificationError as error:
+        reasons.append(Reason(ReasonCode.NOT_IDENTIFIED, "shot", f"no mass: {error}"))
     return tuple(reasons)
+
+
+def _require_track(fired: FiredShot, signals: Signals) -> None:
+    """Refuse frames and forces that tell no mass.
+
+    Raises
+    ------
+    IdentificationError
+        As identification by the camera does.
+    """
+    camera = fired.shot.by_role("recoil_displacement")
+    if camera is None:
+        return
+    camera = at_instants(camera, fired)
+    clock = fired.shot.alignment(camera.time_base.clock)
+    u_shift_s = math.inf if clock.method == BY_FORCE else clock.u_offset_s
+    frames_s, positions_m = clock.to_reference(camera.time_base.times_s), recoil_only(camera.measured)
+    ForcedRecoil.of(fired, signals).camera_track_mass(frames_s, positions_m, u_shift_s=u_shift_s)
 
 
 def failed_checks(shot: Shot, unused: Collection[str] = ()) -> Iterator[Reason]:
@@ -121,16 +159,17 @@ def doubted_clocks(fired: FiredShot) -> list[Reason]:
 def _dispensable_clocks(fired: FiredShot) -> set[str]:
     """Return the clocks of what tells the motion once more, and is left out where they are doubted.
 
-    There the accelerometer tells the speed from the rest on.
+    There the accelerometer tells the speed from the rest on. So are those of a source that recorded nothing.
     """
+    aside = {check.channel for check in set_aside(fired.shot)}
     if motion_role(fired) != "recoil_acceleration":
-        return set()
+        return aside
     telling: dict[str, set[str]] = {}
     for one in fired.channels.values():
         if one.recorded.role:
             telling.setdefault(one.recorded.time_base.clock, set()).add(one.recorded.role)
     once_more = fired.rig.mechanism.sure_roles - {"recoil_acceleration"}
-    return {clock for clock, roles in telling.items() if roles <= once_more}
+    return aside | {clock for clock, roles in telling.items() if roles <= once_more}
 
 
 def _remedy(alignment: ClockAlignment, rig: Rig) -> str:
@@ -220,11 +259,3 @@ def lost_share(filtered: Regression) -> float:
         for column in (filtered.force_n, filtered.acceleration_m_s2)
     ]
     return max(shares)
-
-
-def _lost_force(fired: FiredShot) -> float | None:
-    """Return the share of the force that is lost behind the checks' low-pass; None where nothing is."""
-    recoil: Recoil | None = recoil_of(fired, {a.clock: a for a in fired.shot.alignments})
-    if recoil is None or recoil.regression is None or bool(recoil.regression.trusted[recoil.regression.inside].all()):
-        return None
-    return lost_share(recoil.regression.filtered(LowPass(recoil.low_pass.cutoff_hz)))

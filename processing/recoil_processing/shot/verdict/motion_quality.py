@@ -180,13 +180,13 @@ def check_motion(
     zero_by_camera
         Whether the camera shows a shift of the accelerometer's zero; if not, the forces do.
     """
+    if recoil.force_problem:
+        yield QualityCheck("shot", Check.FORCE, "fail", recoil.force_problem)
     role = recoil.regression.motion_role if recoil.regression is not None else "recoil_acceleration"
     accelerometer = fired.shot.by_role(role)
     if accelerometer is None:
         return
     name = accelerometer.name
-    if recoil.force_problem:
-        yield QualityCheck("shot", Check.FORCE, "fail", recoil.force_problem)
     if recoil.sign is not None:
         yield QualityCheck(name, Check.FORCE_SIGN, *recoil.sign)
     if recoil.regression is not None and not recoil.turned:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from recoil_acquisition.files.shot_name import numbers_of
 from recoil_acquisition.measured import joined, worded
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.remark import Caution
+from recoil_acquisition.remark import Caution, CautionCode
 from recoil_acquisition.shot import Check, ClockAlignment, QualityCheck, Shot
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
@@ -32,6 +33,7 @@ from recoil_processing.shot.verdict.camera_quality import (
 from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, check_channel
 from recoil_processing.shot.verdict.consequence import weighed
 from recoil_processing.shot.verdict.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
+from recoil_processing.shot.verdict.sensor_quality import check_sensors
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.calibration_day import CalibrationDay
@@ -67,6 +69,7 @@ def check_shot(
     -------
     tuple of QualityCheck
     """
+    fired = FiredShot(replace(fired.shot, alignments=tuple(alignments)), fired.rig)
     checks: list[QualityCheck] = []
     for source in fired.rig.sources:
         wanted = [c.name for c in fired.rig.channels_of(source.name)]
@@ -85,10 +88,12 @@ def check_shot(
     lean, _ = thinned(fired)
     onset = _onset(fired, by_clock, checks)
     shifts = [check for alignment in alignments for check in _zero_shift(alignment, fired.shot, onset)]
-    recoil = None if onset is None else recoil_of(lean, by_clock)
+    # what may move from the first on has a motion without an onset, too
+    recoil = recoil_of(lean, by_clock) if onset is not None or not fired.rig.mechanism.recoils_once else None
     checks += _channels(fired, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
     checks += [_alignment_check(alignment) for alignment in alignments]
     checks += shifts
+    checks += check_sensors(fired, alignments)
     faults = fired.rig.not_calibrated(day)
     checks += [QualityCheck(str(fault.subject), Check.CALIBRATION, "warn", fault.problem) for fault in faults]
     return tuple(weighed(checks, lean, recoil))
@@ -160,12 +165,17 @@ def _channels(
 def _file_checks(source: str, recording: Recording) -> list[QualityCheck]:
     """Whether a file was cut off, and what its reader noted."""
     checks = [
-        QualityCheck(source, Check.READER, "warn" if isinstance(note, Caution) else "ok", worded(note))
+        QualityCheck(source, _check_of(note), "warn" if isinstance(note, Caution) else "ok", worded(note))
         for note in recording.notes
     ]
     if recording.incomplete:
         checks.insert(0, QualityCheck(source, Check.FILE, "warn", f"was cut off: {recording.incomplete}"))
     return checks
+
+
+def _check_of(note: str) -> Check:
+    late = isinstance(note, Caution) and note.code is CautionCode.LATE_STAMPS
+    return Check.LATE_STAMPS if late else Check.READER
 
 
 def _file_names(recordings: Mapping[str, Recording]) -> list[QualityCheck]:
