@@ -181,8 +181,9 @@ def file_pattern(path: Path, files: Sequence[Path]) -> str:
     shared = frozenset.intersection(*(numbers_of(one) for one in files)) if len(files) > 1 else numbers_of(path)
     stem, suffix = path.stem, path.suffix
     if len(shared) == 1:
-        number = str(min(shared))
-        found = re.search(rf"(?<![0-9])0*{number}(?![0-9])", stem)
+        # of a bus's number and the shot's, which may be the same one, the longer spelling is the shot's
+        alone = [one for one in re.finditer(r"[^_\s-]+", stem) if one[0].isdecimal() and int(one[0]) in shared]
+        found = max(alone, key=lambda one: len(one[0]), default=None)
         if found is not None:
             before, behind = stem[: found.start()], stem[found.end() :]
             return f"{_dateless(before)}{SHOT_PLACE}{_dateless(behind)}{suffix}"

@@ -14,7 +14,7 @@ from recoil_daq.drafting.recorded_source import PIXELS, RecordedSignal
 from recoil_daq.drafting.rig_draft import Entry, Question, Table
 from recoil_daq.drafting.role_proposal import RoleProposal, polarity_of
 from recoil_daq.drafting.role_words import GUN_ROLES, LINE_ROLES, own_part
-from recoil_rigs.checks.plausible import U_REL
+from recoil_rigs.checks.plausible import SCALE, U_REL
 from recoil_rigs.mechanism.mechanism_parameters import MECHANISM, MechanismModel, stated_values
 from recoil_rigs.tables.certificate_table import Certificate
 from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS, FORCE_ROLES, ROLES
@@ -149,6 +149,8 @@ class DraftedChannels:
             yield Entry("unit", signal.unit)
         elif "unit" in other:
             yield Entry("unit", other["unit"], as_other)
+        elif twin is not None and signal.counts:
+            yield Entry("unit", SI_UNITS[twin.of.quantity], "of its numbers times `gain`")
         elif twin is not None and (scale := twin.unit()):
             yield Entry("unit", scale, f"by its scale beside {twin.of.name}, {abs(twin.gain):.4g}")
         elif (supposed := evidence.supposed.get(signal.key)) is not None and supposed.unit:
@@ -156,7 +158,8 @@ class DraftedChannels:
             yield Entry("unit", Question(meaning, supposed.unit, a_unit(PIXELS)))
         elif supposed is not None:
             usual = ", ".join(name for name, one in UNITS.items() if supposed.quantity in one.quantities)
-            meaning = f"unit of its numbers, from the device's manual: one of {usual}"
+            of = "its numbers times `gain`" if signal.counts else "its numbers"
+            meaning = f"unit of {of}, from the device's manual: one of {usual}"
             yield Entry("unit", Question(meaning, read=a_unit(PIXELS)))
         else:
             meaning = "unit of the file's numbers, which states none: as set in the recorder"
@@ -252,8 +255,20 @@ class DraftedChannels:
                     if key == "u_rel" or not other.leaves_out(signal.source, signal.name, key)
                 }
             rows += [Entry(key, one) for key, one in asked.items() if key not in sensor]
+        if signal.counts and not signal.unit and "gain" not in sensor:
+            rows += self._gain(signal)
         if rows:
             yield Table("[channel.sensor]", tuple(rows), () if certificate is None else (_row_of(certificate),))
+
+
+    def _gain(self, signal: RecordedSignal) -> Iterator[Entry]:
+        """Yield the scale of whole numbers that were found in bytes: by what they repeat, else it is asked for."""
+        twin = self._evidence.twins.get(signal.key)
+        if twin is not None:
+            yield Entry("gain", float(f"{twin.per_number:.4g}"), f"by its scale beside {twin.of.name}")
+        else:
+            meaning = "value of one count, in the channel's unit: device's manual, 1 / 32768 is 3.05e-05"
+            yield Entry("gain", Question(meaning, read=a_number("", SCALE)))
 
 
 def _row_of(certificate: Certificate) -> str:

@@ -136,7 +136,8 @@ def _in_si(signal: RecordedSignal, certificates: tuple[Certificate, ...], other:
     if unit is None or quantity not in SI_UNITS:
         return signal
     if quantity in unit.quantities:
-        measured = replace(signal, quantity=quantity, factor=unit.factor, offset=unit.offset)
+        factor = unit.factor * _gain(sensor) if signal.counts else unit.factor
+        measured = replace(signal, quantity=quantity, factor=factor, offset=unit.offset)
     else:
         stated = _sensitivity(certificate, sensor)
         if stated is None or not stated[0].turned_into(unit) or quantity not in stated[0].per.quantities:
@@ -145,6 +146,12 @@ def _in_si(signal: RecordedSignal, certificates: tuple[Certificate, ...], other:
         measured = replace(signal, quantity=quantity, factor=factor, offset=-stated[2])
     same = (measured.quantity, measured.factor, measured.offset) == (signal.quantity, signal.factor, signal.offset)
     return signal if same else with_swing(measured)
+
+
+def _gain(sensor: Mapping[str, Any]) -> float:
+    """Return the gain that another rig states of a sensor; 1 where it states none."""
+    gain = sensor.get("gain")
+    return float(gain) if isinstance(gain, int | float) and gain > 0 else 1.0
 
 
 def certificate_of(

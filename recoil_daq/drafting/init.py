@@ -233,7 +233,9 @@ def draft_rig(
         raise ReadError("no source that a rig knows is in it", path=recorded[0], remedy="give the files of one shot")
     progress("compare the signals")
     lacking = [(one.name, error.without_path()) for one, error in left_out.items() if one not in shot_files]
-    evidence = evidence_of(path, sources, certificates, stated, complete=not lacking)
+    # a bus whose messages nothing explains may have what would be larger than all that is known
+    unexplained = any(source.kind == "can" and not source.signals for source in sources)
+    evidence = evidence_of(path, sources, certificates, stated, complete=not lacking and not unexplained)
     notes = (*(note for source in sources for note in source.notes), *_notes(evidence, known, sensors))
     draft = draft_tables(evidence, lacking)
     differences = tuple(_differences(evidence))
@@ -276,7 +278,7 @@ def _differences(evidence: Evidence) -> list[str]:
     if other is None:
         return []
     pairs = frozenset((one.source, one.name) for one in evidence.signals)
-    found = list(other.unmatched(pairs))
+    found = list(other.unmatched([one.name for one in evidence.sources], pairs))
     for one in evidence.signals:
         row = other.channel_of(one.source, one.name)
         if not row:

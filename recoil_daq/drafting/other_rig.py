@@ -103,20 +103,22 @@ class OtherRig:
         """Whether a key of a signal's channel is still open in it."""
         return question_of(_row_of(_rows(self.written.get("channel")), source, signal).get(key)) is not None
 
-    def unmatched(self, signals: frozenset[tuple[str, str]]) -> Iterator[str]:
+    def unmatched(self, sources: Collection[str], signals: frozenset[tuple[str, str]]) -> Iterator[str]:
         """Yield what it has that is in none of the files.
 
         Parameters
         ----------
+        sources
+            Names of the files' sources.
         signals
             Source and name of each signal of the files.
         """
-        sources = {source for source, _ in signals}
+        listed = {source for source, _ in signals}
         for row in self.rows("source"):
             if row.get("name") not in sources:
                 yield f"{self.path.name} has a source {row.get('name')!r}, of which no file is given"
         for row in self.rows("channel"):
-            if row.get("source") in sources and (row.get("source"), row.get("signal")) not in signals:
+            if row.get("source") in listed and (row.get("source"), row.get("signal")) not in signals:
                 channel = f"{self.path.name} has a channel {row.get('name')!r} of the signal {row.get('signal')!r}"
                 yield f"{channel}, which the file of {row.get('source')!r} does not have"
 

@@ -24,7 +24,7 @@ from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations, Reader
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.serial.fitting import MOST_BYTES
-from recoil_acquisition.readers.serial.frame_fields import CLOCK_FIELD
+from recoil_acquisition.readers.serial.frame_fields import CLOCK_FIELD, CLOCK_MODULO, COUNTER_FIELD
 from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from recoil_acquisition.readers.text.proposed_layout import propose_layout
 from recoil_acquisition.typed_quantity import TypedError
@@ -49,6 +49,8 @@ _COUNTS = 0.9
 """Share of the steps of a signal that are one, of a counter."""
 _UNKNOWN_RATE_HZ = 1000.0
 """Frames per second by which the signals of a camera's file are listed that does not state any."""
+_USUAL_TICK_S = 1e-6
+"""Tick of most clocks of inertial sensors, s."""
 PIXELS = ("px", "pixel", "pixels")
 _RATE = Question(
     "samples per second, as set in the recorder: no line of the file tells", read=a_number("Hz", positive=True)
@@ -74,6 +76,8 @@ class RecordedSignal:
         Recording that it is read from.
     first
         First sample that is looked at; above zero in a record that is too long to be looked at whole.
+    counts
+        Whether its numbers are whole ones that were found in bytes, whose scale the device's manual tells.
     """
 
     source: str
@@ -85,6 +89,7 @@ class RecordedSignal:
     swing: Swing | None = None
     offset: float = 0.0
     first: int = 0
+    counts: bool = False
 
     @property
     def key(self) -> str:
@@ -199,7 +204,7 @@ def read_source(
     if _layout_of(stated) is not None:
         return (_laid_out_source(path, reader.kind, name, stated),)
     if reader.kind == "can":
-        return (_bus_source(path, reader, name, databases, stated),)
+        return (_bus_source(path, reader, name, _of_bus(databases, stated, other), stated),)
     if reader.kind == "camera":
         return (_camera_source(path, reader, name, stated),)
     return (_opened(reader.open(path, Declarations(name)), name, reader.kind, reader.name),)
@@ -272,8 +277,9 @@ def _opened(recording: Recording, name: str, kind: str, format_name: str, **more
     signals, undated = _signals(recording, name, shot_s)
     if more.get("found_in_bytes"):
         framing = more["tables"]["framing"]
-        own = {framing.get(key, {}).get("field") for key in ("counter", "device_time")} | {CLOCK_FIELD}
-        signals = tuple(one for one in signals if one.name not in own)
+        own = {COUNTER_FIELD, CLOCK_FIELD}
+        whole = {one["name"] for one in framing["fields"] if one["type"] != "f32"}
+        signals = tuple(replace(one, counts=one.name in whole) for one in signals if one.name not in own)
     longest = max((one.sample_count for one in recording.signals), default=0)
     long: tuple[str, ...] = ()
     if longest > MOST_SAMPLES:
@@ -376,8 +382,9 @@ def _bus_source(
     bus = stated.get("bus")
     declared = Declarations(name, bus=bus if isinstance(bus, int | str) else None)
     opened = [(reader.open(path, replace(declared, database=one.text)), one) for one in databases]
-    recording, best = max(opened, key=lambda one: sum(s.sample_count for s in one[0].signals), default=(None, None))
-    if recording is None or best is None or not recording.signals:
+    most = max((_explained(recording) for recording, _ in opened), default=0)
+    best = [one for one in opened if _explained(one[0]) == most]
+    if not most:
         recording = reader.open(path, replace(declared, database=EMPTY_DATABASE))
         unknown = recording.metadata.get("unknown_identifiers", {})
         shown = ", ".join(f"{key} ({count} frames)" for key, count in list(unknown.items())[:8])
@@ -385,13 +392,48 @@ def _bus_source(
             f"file of the bus's messages: DBC, KCD, SYM or ARXML; identifiers in {path.name}: {shown}", read=as_text
         )
         return _opened(recording, name, "can", reader.name, entries=(Entry("database", question),))
+    if any(_differ(recording, best[0][0]) for recording, _ in best[1:]):
+        names = [database.name for _, database in best]
+        text = f"{' and '.join(names)} explain {path.name} equally well, with other values: write the one of this bus"
+        question = Question(f"{text}, then `init` again with --from", read=one_of(names))
+        recording = reader.open(path, replace(declared, database=EMPTY_DATABASE))
+        return _opened(recording, name, "can", reader.name, entries=(Entry("database", question),))
+    recording, best_database = best[0]
     unknown = recording.metadata.get("unknown_identifiers", {})
-    entries = [Entry("database", best.name, f"explains {len(recording.signals)} signals of {path.name}")]
+    entries = [
+        Entry("database", best_database.name, f"explains {len(recording.signals)} signals of {path.name}")
+    ]
     counters = [one.name for one in recording.signals if _counts(recording, one.name)]
     if counters and "counters" not in stated:
         entries.append(Entry("counters", counters, "goes up by one from message to message: a gap is a lost one"))
-    notes = [f"{path.name}: identifiers that {best.name} does not explain: {', '.join(unknown)}"] if unknown else []
+    notes = [f"{path.name}: identifiers that {best_database.name} does not explain: {', '.join(unknown)}"] if unknown else []
     return _opened(recording, name, "can", reader.name, entries=tuple(entries), notes=tuple(notes))
+
+
+def _of_bus(
+    databases: Sequence[Database], stated: Mapping[str, Any], other: OtherRig | None
+) -> Sequence[Database]:
+    """Return the database that another rig states of a bus, where it is at hand; else all."""
+    name = stated.get("database")
+    if other is None or not isinstance(name, str):
+        return databases
+    path = (other.path.parent / name).resolve()
+    return [one for one in databases if one.path.resolve() == path] or databases
+
+
+def _explained(recording: Recording) -> int:
+    """Return the number of samples that a database explains of a bus."""
+    return sum(one.sample_count for one in recording.signals)
+
+
+def _differ(one: Recording, other: Recording) -> bool:
+    """Whether two databases make other signals of a bus, in their names, units or values."""
+    if [(s.name, s.unit, s.sample_count) for s in one.signals] != [
+        (s.name, s.unit, s.sample_count) for s in other.signals
+    ]:
+        return True
+    pairs = ((one.read(s.name, 0, MOST_SAMPLES), other.read(s.name, 0, MOST_SAMPLES)) for s in one.signals)
+    return not all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
 
 
 def _counts(recording: Recording, name: str) -> bool:
@@ -463,10 +505,25 @@ def _port(path: Path, reader: Reader, name: str, framing: _Framing) -> RecordedS
         )
     more: dict[str, Any] = {"found_in_bytes": framing.found_in_bytes, "notes": framing.notes}
     if opened.lacking:
+        clock = _clock_question(opened.recording) if framing.found_in_bytes else None
         meaning = "frames per second, as set in the device: nothing in the bytes says when a frame was"
         rate = Question(meaning, read=a_number("Hz", positive=True))
-        table, more["dated"] = {**table, "rate_hz": rate}, False
+        table = {**table, "rate_hz": rate} if clock is None else {**table, "device_time": clock}
+        more["dated"] = False
     return _opened(opened.recording, name, "serial", reader.name, tables=_framed(table), **more)
+
+
+def _clock_question(recording: Recording) -> Question | None:
+    """Ask for a tick of the clock that was found in the bytes; None if none was."""
+    if CLOCK_FIELD not in {one.name for one in recording.signals}:
+        return None
+    step = float(np.median(np.diff(recording.read(CLOCK_FIELD, 0, MOST_SAMPLES))))
+    proposal = {"field": CLOCK_FIELD, "tick_s": _USUAL_TICK_S, "modulo": CLOCK_MODULO}
+    meaning = (
+        f"duration of a tick of the device's clock, which goes up by {step:.6g} from frame to frame: device's manual; "
+        f"of {_USUAL_TICK_S:g} s it makes {1.0 / (_USUAL_TICK_S * step):.6g} frames per second"
+    )
+    return Question(meaning, proposal, a_table("device_time"))
 
 
 def _framed(framing: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
@@ -503,7 +560,8 @@ def _captured_sources(
         if source.kind == "serial":
             yield _captured_port(path, reader, source, _stated(path, "serial", other))
         elif source.kind == "can":
-            yield _bus_source(path, reader, source.name, databases, _stated(path, "can", other))
+            stated = _stated(path, "can", other)
+            yield _bus_source(path, reader, source.name, _of_bus(databases, stated, other), stated)
 
 
 def _captured_port(path: Path, reader: Reader, source: CapturedSource, stated: Mapping[str, Any]) -> RecordedSource:
@@ -523,8 +581,8 @@ def _framing_of(stream: bytes, file: str, stated: Mapping[str, Any] | None, dura
     """Return the framing of a port's bytes that another rig states, else the one that they seem to have."""
     found = supposed_framing(stream, duration_s)
     if stated is not None:
-        # a framing that was found here, and of which nobody said more since, leaves as much open as it did then
-        as_found = found.found_in_bytes and found.table == stated
+        # fields that were found here, and of which nobody said more since, have as little of a name as they had then
+        as_found = found.table is not None and found.found_in_bytes and found.table["fields"] == stated.get("fields")
         return _Framing(stated, as_found, (f"{file}: the framing of the other rig",))
     return _Framing(found.table, found.found_in_bytes, tuple(f"{file}: {one}" for one in found.found))
 

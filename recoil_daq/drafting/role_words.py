@@ -24,13 +24,18 @@ class _Words:
 
 _CARRIAGE = r"carriage|lafette|cradle|mount"
 _ACCELERATION = r"acc|beschl|\ba_"
+_ALONG, _ACROSS = r"along|longit|horiz|l(ä|ae)ngs", r"across|vert|hoch|quer|senkr"
 _RATE = r"gyro|rate|omega"
 _WORDS: Mapping[str, _Words] = {
     "recoil_acceleration": _Words(
         {r"recoil|ruecklauf|rücklauf|barrel|rohr": 3, _ACCELERATION: 1}, (r"carriage|lafette|can$|imu",)
     ),
-    "carriage_acceleration_x": _Words({_CARRIAGE: 3, r"x$": 2, _ACCELERATION: 1}, (r"[yz]$",)),
-    "carriage_acceleration_y": _Words({_CARRIAGE: 3, r"y$": 2, _ACCELERATION: 1}, (r"[xz]$",)),
+    "carriage_acceleration_x": _Words(
+        {_CARRIAGE: 3, rf"x$|{_ALONG}": 2, _ACCELERATION: 1}, (rf"[yz]$|{_ACROSS}",)
+    ),
+    "carriage_acceleration_y": _Words(
+        {_CARRIAGE: 3, rf"y$|{_ACROSS}": 2, _ACCELERATION: 1}, (rf"[xz]$|{_ALONG}",)
+    ),
     "carriage_rate": _Words({r"carriage|lafette": 3, _RATE: 1}, (r"tipping|wiege|elev",)),
     "tipping_rate": _Words({r"tipping|cradle|wiege|elev": 3, _RATE: 1}, (r"carriage|lafette",)),
     "breech_pressure": _Words(
@@ -42,7 +47,7 @@ _WORDS: Mapping[str, _Words] = {
     "recuperator_pressure": _Words(
         {r"\bp_|press|druck": 1, r"recup|vorhol|run.?out": 3}, (r"breech|chamber|verschluss|kammer|brake|bremse",)
     ),
-    "recoil_displacement": _Words({r"travel|weg|recoil|displ|feature|encoder": 3, r"x$": 2}, (r"y$",)),
+    "recoil_displacement": _Words({r"travel|weg|recoil|displ|feature|\bmark|encoder": 3, r"x$": 2}, (r"y$",)),
     "recoil_velocity": _Words({r"vel|speed|geschw|\bv_": 3}),
     "driving_force": _Words(
         {r"push|driv|thrust|motor|actuator|antrieb|schub": 3, r"\bf_|force|kraft": 1}, (r"brake|bremse|resist|drag",)

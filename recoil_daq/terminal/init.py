@@ -152,10 +152,9 @@ def ask(questions: Sequence[OpenQuestion[AnAnswer]], answers: MutableMapping[Key
 
 def _typed(offered: Any) -> str:
     """Return what is typed at the terminal, or what is offered where Enter alone was pressed."""
+    default = "" if offered is None else offered if isinstance(offered, str) else toml_value(offered)
     try:
-        text: str = typer.prompt(
-            "  ", default="" if offered is None else str(offered), show_default=offered is not None, err=True
-        )
+        text: str = typer.prompt("  ", default=default, show_default=offered is not None, err=True)
     except typer.Abort as ended:
         typer.echo(err=True)  # behind ^C
         raise KeyboardInterrupt from ended

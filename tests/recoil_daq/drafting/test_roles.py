@@ -18,7 +18,7 @@ from recoil_processing.swing import swing_of
 from recoil_rigs.mechanism.mechanism_parameters import MechanismModel
 from recoil_rigs.rig import Rig, load_rig
 from recoil_rigs.tables.rig_tables import ROLES
-from recoil_rigs.twin import simulate_shot
+from recoil_rigs.twin import TwinShot, simulate_shot
 from tests.builders.shared_data import shared_file
 from tests.builders.virtual_shots import SHORTER, with_twin
 
@@ -228,3 +228,25 @@ def test_a_name_speaks_most_for_the_role_of_its_words(signal: str, role: str) ->
     assert max(points, key=lambda one: points[one]) == role
     assert sorted(points.values())[-1] > sorted(points.values())[-2]
     assert score(signal, role, "temperature") == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("Lafette längs", "carriage_acceleration_x"), ("Lafette quer", "carriage_acceleration_y"),
+        ("acc carriage vertical", "carriage_acceleration_y"), ("cradle_x", "carriage_acceleration_x"),
+    ],
+)  # fmt: skip
+def test_words_for_along_and_across_tell_the_axes_apart(name: str, role: str) -> None:
+    roles = ("carriage_acceleration_x", "carriage_acceleration_y")
+    assert max(roles, key=lambda one: score(name, one, "acceleration")) == role
+    assert len({score(name, one, "acceleration") for one in roles}) == 2
+
+
+def test_a_name_without_an_axis_agrees_with_what_gravity_tells(field_shot: TwinShot, tmp_path: Path) -> None:
+    text = next(one for one in field_shot.files if "dewetron" in one.name).read_text(encoding="utf-8")
+    text = text.replace("acc_carriage_x", "Lafette 1", 1).replace("acc_carriage_y", "Lafette 2", 1)
+    (tmp_path / "0001.csv").write_text(text, encoding="utf-8")
+    roles = draft_rig([tmp_path / "0001.csv"]).roles.by_signal
+    found = {key.rpartition("/")[2]: (one.role, one.certain) for key, one in roles.items() if "Lafette" in key}
+    assert found == {"Lafette 1": ("carriage_acceleration_x", True), "Lafette 2": ("carriage_acceleration_y", True)}
