@@ -156,11 +156,24 @@ def _alignment(
         align = {key: names.get(value, value) for key, value in proposal.align.items()}
         yield Entry("align", align, proposal.reason)
     else:
+        first = _first_of(source)
+        why = (
+            f"found by `init` with --from once `{first}` is answered"
+            if first
+            else "no signal of the file repeats one of the reference clock, or shows its motion"
+        )
         meaning = (
-            '{ method = "motion", against = ".." }, "redundant", "trigger", "exposure" or "fixed": no signal of the '
-            "file repeats one of the reference clock, or shows its motion; docs/rig-file.md"
+            '{ method = "motion", against = ".." }, "redundant", "trigger", "exposure" or "fixed": '
+            f"{why}; docs/rig-file.md"
         )
         yield Entry("align", Question(meaning, read=a_table("align", _Aligned)))
+
+
+def _first_of(source: RecordedSource) -> str:
+    """Return the key of a source whose answer lets its file tell more; empty if there is none."""
+    stated = [(entry.key, entry.value) for entry in source.entries]
+    stated += [item for table in source.tables.values() for item in table.items()]
+    return next((key for key, one in stated if isinstance(one, Question) and one.opens), "")
 
 
 def _source_table(key: str, table: Mapping[str, Any]) -> Table:

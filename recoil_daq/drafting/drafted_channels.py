@@ -142,9 +142,8 @@ class DraftedChannels:
             yield Entry("quantity", Question(likely.reason, likely.quantity, one_of(list(SI_UNITS))))
         else:
             quantities = ", ".join(SI_UNITS)
-            yield Entry(
-                "quantity", Question(f"quantity that it measures: one of {quantities}", read=one_of(list(SI_UNITS)))
-            )
+            meaning = f"quantity that it measures: one of {quantities}"
+            yield Entry("quantity", Question(meaning, read=one_of(list(SI_UNITS)), opens=True))
         if signal.unit:
             yield Entry("unit", signal.unit)
         elif "unit" in other:
@@ -163,7 +162,7 @@ class DraftedChannels:
             yield Entry("unit", Question(meaning, read=a_unit(PIXELS)))
         else:
             meaning = "unit of the file's numbers, which states none: as set in the recorder"
-            yield Entry("unit", Question(meaning, read=a_unit(PIXELS)))
+            yield Entry("unit", Question(meaning, read=a_unit(PIXELS), opens=True))
 
     def _role(self, signal: RecordedSignal, other: Mapping[str, Any]) -> Iterator[Entry]:
         """Yield role and polarity, with their reasons."""
@@ -260,7 +259,6 @@ class DraftedChannels:
         if rows:
             yield Table("[channel.sensor]", tuple(rows), () if certificate is None else (_row_of(certificate),))
 
-
     def _gain(self, signal: RecordedSignal) -> Iterator[Entry]:
         """Yield the scale of whole numbers that were found in bytes: by what they repeat, else it is asked for."""
         twin = self._evidence.twins.get(signal.key)
@@ -311,7 +309,7 @@ def _channel_names(evidence: Evidence, used: set[str]) -> dict[str, str]:
     for signal in signals:
         other = {} if evidence.other is None else evidence.other.channel_of(signal.source, signal.name)
         plain = re.sub(r"\W+", "_", own_part(signal.name)).strip("_") or "signal"
-        if plain[0].isdigit() or plain.startswith("f32_at_"):
+        if plain[0].isdigit() or re.match(r"[fi]\d\d_at_", plain):
             plain = f"{signal.source}_{plain}"
         wanted = str(other.get("name") or plain)
         free, number = wanted, 1

@@ -82,7 +82,7 @@ class Evidence:
     @property
     def as_other(self) -> str:
         """Reason for what is taken over from the other rig; empty if there is none."""
-        return "" if self.other is None else f"as in {self.other.path.name}"
+        return "" if self.other is None else self.other.reason
 
 
 def evidence_of(

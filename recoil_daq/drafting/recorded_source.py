@@ -53,7 +53,9 @@ _USUAL_TICK_S = 1e-6
 """Tick of most clocks of inertial sensors, s."""
 PIXELS = ("px", "pixel", "pixels")
 _RATE = Question(
-    "samples per second, as set in the recorder: no line of the file tells", read=a_number("Hz", positive=True)
+    "samples per second, as set in the recorder: no line of the file tells",
+    read=a_number("Hz", positive=True),
+    opens=True,
 )
 """Question for the rate of a table that has no column of time."""
 
@@ -389,30 +391,32 @@ def _bus_source(
         unknown = recording.metadata.get("unknown_identifiers", {})
         shown = ", ".join(f"{key} ({count} frames)" for key, count in list(unknown.items())[:8])
         question = Question(
-            f"file of the bus's messages: DBC, KCD, SYM or ARXML; identifiers in {path.name}: {shown}", read=as_text
+            f"file of the bus's messages: DBC, KCD, SYM or ARXML; identifiers in {path.name}: {shown}",
+            read=as_text,
+            opens=True,
         )
         return _opened(recording, name, "can", reader.name, entries=(Entry("database", question),))
     if any(_differ(recording, best[0][0]) for recording, _ in best[1:]):
         names = [database.name for _, database in best]
         text = f"{' and '.join(names)} explain {path.name} equally well, with other values: write the one of this bus"
-        question = Question(f"{text}, then `init` again with --from", read=one_of(names))
+        question = Question(text, read=one_of(names), opens=True)
         recording = reader.open(path, replace(declared, database=EMPTY_DATABASE))
         return _opened(recording, name, "can", reader.name, entries=(Entry("database", question),))
     recording, best_database = best[0]
     unknown = recording.metadata.get("unknown_identifiers", {})
-    entries = [
-        Entry("database", best_database.name, f"explains {len(recording.signals)} signals of {path.name}")
-    ]
+    entries = [Entry("database", best_database.name, f"explains {len(recording.signals)} signals of {path.name}")]
     counters = [one.name for one in recording.signals if _counts(recording, one.name)]
     if counters and "counters" not in stated:
         entries.append(Entry("counters", counters, "goes up by one from message to message: a gap is a lost one"))
-    notes = [f"{path.name}: identifiers that {best_database.name} does not explain: {', '.join(unknown)}"] if unknown else []
+    notes = (
+        [f"{path.name}: identifiers that {best_database.name} does not explain: {', '.join(unknown)}"]
+        if unknown
+        else []
+    )
     return _opened(recording, name, "can", reader.name, entries=tuple(entries), notes=tuple(notes))
 
 
-def _of_bus(
-    databases: Sequence[Database], stated: Mapping[str, Any], other: OtherRig | None
-) -> Sequence[Database]:
+def _of_bus(databases: Sequence[Database], stated: Mapping[str, Any], other: OtherRig | None) -> Sequence[Database]:
     """Return the database that another rig states of a bus, where it is at hand; else all."""
     name = stated.get("database")
     if other is None or not isinstance(name, str):
@@ -462,12 +466,12 @@ def _camera_source(path: Path, reader: Reader, name: str, stated: Mapping[str, A
         recording = reader.open(path, replace(declared, frame_rate_hz=rate_hz or _UNKNOWN_RATE_HZ))
         if rate_hz is None:
             meaning = f"frames per second, as set at the camera: {path.name} has no times; 500 to 1e6"
-            question = Question(meaning, read=a_number("Hz", OF_SOURCE["frame_rate"]))
+            question = Question(meaning, read=a_number("Hz", OF_SOURCE["frame_rate"]), opens=True)
             entries.append(Entry("frame_rate", question))
             dated = False
     if scale is None and any(one.unit.casefold() in PIXELS for one in recording.signals):
         meaning = "millimetres per pixel: from a scale in the plane of the motion; 1e-3 to 50"
-        question = Question(meaning, read=a_number("mm/px", OF_SOURCE["scale_mm_per_px"]))
+        question = Question(meaning, read=a_number("mm/px", OF_SOURCE["scale_mm_per_px"]), opens=True)
         entries.append(Entry("scale_mm_per_px", question))
     return _opened(recording, name, "camera", reader.name, entries=tuple(entries), dated=dated)
 
@@ -499,7 +503,7 @@ def _port(path: Path, reader: Reader, name: str, framing: _Framing) -> RecordedS
     opened = open_port(path, reader, name, table)
     if opened.recording is None:
         meaning = "fields of a frame, from the device's manual: [{ name = .., at = .., type = .., unit = .. }]"
-        fields = Question(meaning, read=a_table("fields", kinds=(list,)))
+        fields = Question(meaning, read=a_table("fields", kinds=(list,)), opens=True)
         return RecordedSource(
             name, "serial", path, reader.name, tables=_framed({**table, "fields": fields}), notes=framing.notes
         )
@@ -507,7 +511,7 @@ def _port(path: Path, reader: Reader, name: str, framing: _Framing) -> RecordedS
     if opened.lacking:
         clock = _clock_question(opened.recording) if framing.found_in_bytes else None
         meaning = "frames per second, as set in the device: nothing in the bytes says when a frame was"
-        rate = Question(meaning, read=a_number("Hz", positive=True))
+        rate = Question(meaning, read=a_number("Hz", positive=True), opens=True)
         table = {**table, "rate_hz": rate} if clock is None else {**table, "device_time": clock}
         more["dated"] = False
     return _opened(opened.recording, name, "serial", reader.name, tables=_framed(table), **more)
@@ -523,7 +527,7 @@ def _clock_question(recording: Recording) -> Question | None:
         f"duration of a tick of the device's clock, which goes up by {step:.6g} from frame to frame: device's manual; "
         f"of {_USUAL_TICK_S:g} s it makes {1.0 / (_USUAL_TICK_S * step):.6g} frames per second"
     )
-    return Question(meaning, proposal, a_table("device_time"))
+    return Question(meaning, proposal, a_table("device_time"), opens=True)
 
 
 def _framed(framing: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
@@ -546,7 +550,7 @@ def _table_source(path: Path, name: str, stated: Mapping[str, Any], error: Unkno
         asked["rate_hz"] = _RATE
     elif opened.lacking:
         meaning = "unit of the column of time, which the file does not state: s, ms, us, ns, min, h"
-        asked["time_unit"] = Question(meaning, read=one_of(("s", "ms", "us", "ns", "min", "h")))
+        asked["time_unit"] = Question(meaning, read=one_of(("s", "ms", "us", "ns", "min", "h")), opens=True)
     note = f"{path.name}: a table of text that does not say what program wrote it; its layout as found here"
     more: dict[str, Any] = {"tables": {"layout": asked}, "dated": not opened.lacking, "notes": (note,)}
     return _opened(opened.recording, name, "dewetron", reader.name, **more)
@@ -571,7 +575,7 @@ def _captured_port(path: Path, reader: Reader, source: CapturedSource, stated: M
     framing = _framing_of(stream, path.name, stated.get("framing"), duration_s)
     if framing.table is None:
         meaning = f"framing of the bytes in {path.name}: ready-made, or as the device's manual has it"
-        question = Question(meaning, read=a_table("framing"))
+        question = Question(meaning, read=a_table("framing"), opens=True)
         entries = (Entry("framing", question),)
         return RecordedSource(source.name, "serial", path, reader.name, entries=entries, notes=framing.notes)
     return _port(path, reader, source.name, framing)
@@ -583,7 +587,7 @@ def _framing_of(stream: bytes, file: str, stated: Mapping[str, Any] | None, dura
     if stated is not None:
         # fields that were found here, and of which nobody said more since, have as little of a name as they had then
         as_found = found.table is not None and found.found_in_bytes and found.table["fields"] == stated.get("fields")
-        return _Framing(stated, as_found, (f"{file}: the framing of the other rig",))
+        return _Framing(stated, as_found, (f"{file}: its framing as stated",))
     return _Framing(found.table, found.found_in_bytes, tuple(f"{file}: {one}" for one in found.found))
 
 

@@ -30,12 +30,8 @@ _WORDS: Mapping[str, _Words] = {
     "recoil_acceleration": _Words(
         {r"recoil|ruecklauf|rücklauf|barrel|rohr": 3, _ACCELERATION: 1}, (r"carriage|lafette|can$|imu",)
     ),
-    "carriage_acceleration_x": _Words(
-        {_CARRIAGE: 3, rf"x$|{_ALONG}": 2, _ACCELERATION: 1}, (rf"[yz]$|{_ACROSS}",)
-    ),
-    "carriage_acceleration_y": _Words(
-        {_CARRIAGE: 3, rf"y$|{_ACROSS}": 2, _ACCELERATION: 1}, (rf"[xz]$|{_ALONG}",)
-    ),
+    "carriage_acceleration_x": _Words({_CARRIAGE: 3, rf"x$|{_ALONG}": 2, _ACCELERATION: 1}, (rf"[yz]$|{_ACROSS}",)),
+    "carriage_acceleration_y": _Words({_CARRIAGE: 3, rf"y$|{_ACROSS}": 2, _ACCELERATION: 1}, (rf"[xz]$|{_ALONG}",)),
     "carriage_rate": _Words({r"carriage|lafette": 3, _RATE: 1}, (r"tipping|wiege|elev",)),
     "tipping_rate": _Words({r"tipping|cradle|wiege|elev": 3, _RATE: 1}, (r"carriage|lafette",)),
     "breech_pressure": _Words(

@@ -49,11 +49,13 @@ def sources(draft: DraftedRig) -> dict[str, dict]:
 
 
 @pytest.mark.whole_way
-def test_databases_that_explain_a_bus_equally_well_are_asked_for_and_kept(stand: Path) -> None:
+@pytest.mark.usefixtures("stand")
+def test_databases_that_explain_a_bus_equally_well_are_asked_for_and_kept() -> None:
     first = drafted("bus1.dbc", "bus2.dbc", out="rig.toml")
     asked = [sources(first)[name]["database"] for name in ("can", "can_2")]
     assert all(
-        one.startswith("TODO ") and "bus1.dbc and bus2.dbc explain Bus" in one and "equally well" in one for one in asked
+        one.startswith("TODO ") and "bus1.dbc and bus2.dbc explain Bus" in one and "equally well" in one
+        for one in asked
     )
     # without the buses nothing has a role that its name does not have
     assert not any("its name says nothing" in one.reason and one.role for one in first.roles.by_signal.values())
@@ -70,14 +72,16 @@ def test_databases_that_explain_a_bus_equally_well_are_asked_for_and_kept(stand:
 
 
 @pytest.mark.whole_way
-def test_databases_that_say_the_same_of_a_bus_are_no_question(stand: Path) -> None:
+@pytest.mark.usefixtures("stand")
+def test_databases_that_say_the_same_of_a_bus_are_no_question() -> None:
     Path("copy.dbc").write_bytes(Path("bus1.dbc").read_bytes())
     found = draft_rig(["Messung_0001.csv", "Bus1_0001.log"], databases=["bus1.dbc", "copy.dbc"], out="rig.toml")
     assert sources(found)["can"]["database"] == "bus1.dbc"
 
 
 @pytest.mark.whole_way
-def test_a_port_of_whole_numbers_is_read_when_its_clocks_tick_is_known(stand: Path) -> None:
+@pytest.mark.usefixtures("stand")
+def test_a_port_of_whole_numbers_is_read_when_its_clocks_tick_is_known() -> None:
     files = ["Messung_0001.csv", "Kreisel_0001.bin"]
     first = draft_rig(files, sensors="sensoren.csv", out="rig.toml")
     framing = sources(first)["serial"]["framing"]
@@ -88,10 +92,12 @@ def test_a_port_of_whole_numbers_is_read_when_its_clocks_tick_is_known(stand: Pa
     tick = next(one.question for one in first.draft.questions() if one.parts[-1] == "device_time")
     assert tick.proposal == {"field": "device_time", "tick_s": 1e-6, "modulo": 1 << 32}
     assert "goes up by 1000 from frame to frame" in tick.meaning
-    Path("rig.toml").write_text(filled(first.draft.text(), {"serial": {"device_time": tick.proposal}}), encoding="utf-8")
+    Path("rig.toml").write_text(
+        filled(first.draft.text(), {"serial": {"device_time": tick.proposal}}), encoding="utf-8"
+    )
     second = draft_rig(files, sensors="sensoren.csv", other="rig.toml", out="next.toml")
     assert sources(second)["serial"]["align"] == {
-        "method": "redundant", "channel": "i16_at_12", "against": "Lafette_längs",
+        "method": "redundant", "channel": "serial_i16_at_12", "against": "Lafette_längs",
     }  # fmt: skip
     channels = {row["signal"]: row for row in tables(second)["channel"]}
     assert channels["i16_at_12"]["unit"] == "m/s^2"
@@ -108,14 +114,15 @@ FIRST = {
 SECOND = {
     "Rohr": {"position": [-0.30, 0.06]}, "Lafette_längs": {"position": [0.05, -0.10]},
     "Lafette_quer": {"position": [0.05, -0.10]},
-    "i16_at_8": {"unit": "rad/s", "gain": RATE_PER_COUNT, "role": "carriage_rate"},
-    "i16_at_10": {"unit": "rad/s", "gain": RATE_PER_COUNT, "role": "tipping_rate"},
+    "serial_i16_at_8": {"unit": "rad/s", "gain": RATE_PER_COUNT, "role": "carriage_rate"},
+    "serial_i16_at_10": {"unit": "rad/s", "gain": RATE_PER_COUNT, "role": "tipping_rate"},
 }  # fmt: skip
 """Values beside the mechanism's that the second one asks for; no others."""
 
 
 @pytest.mark.whole_way
-def test_own_files_become_a_valid_mass_in_two_drafts(run, stand: Path) -> None:
+@pytest.mark.usefixtures("stand")
+def test_own_files_become_a_valid_mass_in_two_drafts(run) -> None:
     given = [*RECORDED, "--database", "bus1.dbc", "--database", "bus2.dbc", "--sensors", "sensoren.csv"]
     assert run("init", *given).exit_code == 0
     text = filled(Path("rig.toml").read_text(encoding="utf-8"), {"mechanism": MECHANISM, **FIRST})
@@ -134,3 +141,38 @@ def test_own_files_become_a_valid_mass_in_two_drafts(run, stand: Path) -> None:
     assert identified.exit_code == 0, identified.output
     mass = json.loads(Path("reports/0001/report.json").read_text(encoding="utf-8"))["mass"]
     assert abs(mass["value"] - 782.0) < 3 * mass["u"]
+
+
+@pytest.mark.whole_way
+@pytest.mark.usefixtures("stand")
+def test_a_terminal_is_asked_first_for_what_opens_files_and_then_for_what_they_tell(
+    run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    answers = {
+        "source[1] 'can'.database": "bus1.dbc", "source[2] 'can_2'.database": "bus2.dbc",
+        "channel[8] 'serial_i16_at_8'.sensor.gain": "0,0000305175", "mechanism.phi20": "9,74 deg",
+    }  # fmt: skip
+
+    def typed(*_: object, default: str, **__: object) -> str:
+        return answers.get(asked[-1], default)
+
+    def echo(text: str = "", **_: object) -> None:
+        asked.extend(re.findall(r"^\[\d+ of \d+\] (.*?): ", str(text)))
+
+    monkeypatch.setattr("recoil_daq.terminal.session.Session.asks", True)
+    monkeypatch.setattr("recoil_daq.terminal.init.typer.prompt", typed)
+    monkeypatch.setattr("recoil_daq.terminal.init.typer.echo", echo)
+    done = run("init", *RECORDED, "--database", "bus1.dbc", "--database", "bus2.dbc", "--sensors", "sensoren.csv")
+    assert done.exit_code == 0, done.output
+    assert asked[:3] == [*list(answers)[:2], "source[3] 'serial'.framing.device_time"]
+    assert len(asked) == len(set(asked))
+    assert set(answers) <= set(asked)
+    # each clock is found by then, and is no question any more
+    assert not any(key.endswith("align") for key in asked)
+    rig = tomllib.loads(Path("rig.toml").read_text(encoding="utf-8"))
+    assert {row["name"]: row["database"] for row in rig["source"] if "database" in row} == {
+        "can": "bus1.dbc", "can_2": "bus2.dbc",
+    }  # fmt: skip
+    assert rig["mechanism"]["phi20"] == pytest.approx(0.16999, rel=1e-4)
+    assert next(row for row in rig["channel"] if row["signal"] == "i16_at_8")["sensor"]["gain"] == 3.05175e-5
