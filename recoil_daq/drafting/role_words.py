@@ -35,21 +35,21 @@ _WORDS: Mapping[str, _Words] = {
     "carriage_rate": _Words({r"carriage|lafette": 3, _RATE: 1}, (r"tipping|wiege|elev",)),
     "tipping_rate": _Words({r"tipping|cradle|wiege|elev": 3, _RATE: 1}, (r"carriage|lafette",)),
     "breech_pressure": _Words(
-        {r"\bp_|press|druck": 1, r"breech|chamber|gas|verschluss|kammer|p_max": 3}, (r"brake|bremse|recup|vorhol",)
+        {r"\bp_|press|druck": 1, r"breech|chamber|gas|verschluss|kammer|p_max": 3}, (r"brake|brems|recup|vorhol",)
     ),
     "brake_pressure": _Words(
-        {r"\bp_|press|druck": 1, r"brake|bremse|buffer": 3}, (r"breech|chamber|verschluss|kammer|recup|vorhol",)
+        {r"\bp_|press|druck": 1, r"brake|brems|buffer": 3}, (r"breech|chamber|verschluss|kammer|recup|vorhol",)
     ),
     "recuperator_pressure": _Words(
-        {r"\bp_|press|druck": 1, r"recup|vorhol|run.?out": 3}, (r"breech|chamber|verschluss|kammer|brake|bremse",)
+        {r"\bp_|press|druck": 1, r"recup|vorhol|run.?out": 3}, (r"breech|chamber|verschluss|kammer|brake|brems",)
     ),
     "recoil_displacement": _Words({r"travel|weg|recoil|displ|feature|\bmark|encoder": 3, r"x$": 2}, (r"y$",)),
     "recoil_velocity": _Words({r"vel|speed|geschw|\bv_": 3}),
     "driving_force": _Words(
-        {r"push|driv|thrust|motor|actuator|antrieb|schub": 3, r"\bf_|force|kraft": 1}, (r"brake|bremse|resist|drag",)
+        {r"push|driv|thrust|motor|actuator|antrieb|schub": 3, r"\bf_|force|kraft": 1}, (r"brake|brems|resist|drag",)
     ),
     "resisting_force": _Words(
-        {r"brake|bremse|resist|drag|buffer": 3, r"\bf_|force|kraft": 1}, (r"push|driv|thrust|motor|antrieb|schub",)
+        {r"brake|brems|resist|drag|buffer": 3, r"\bf_|force|kraft": 1}, (r"push|driv|thrust|motor|antrieb|schub",)
     ),
     "trigger": _Words({r"trig|fire|ttl|sync": 4}),
 }
