@@ -87,10 +87,10 @@ def _head(evidence: Evidence, *, complete: bool) -> Table:
 
 def _mechanism(evidence: Evidence) -> Table:
     """Ask for all that the model needs; what another rig states is taken over."""
-    model = evidence.roles.model or MechanismModel.GUN
+    model = evidence.model
     stated = {} if evidence.other is None else dict(evidence.other.table("mechanism"))
-    if "model" in stated and evidence.roles.model is None:
-        model = MechanismModel.LINE if stated["model"] == MechanismModel.LINE else MechanismModel.GUN
+    if stated and evidence.roles.model is None:
+        model = MechanismModel.LINE if stated.get("model") == MechanismModel.LINE else MechanismModel.GUN
     entries = []
     if model is MechanismModel.LINE:
         entries.append(Entry("model", "line", "one body on a line: a force moves it, and no pressure is read"))
@@ -113,6 +113,8 @@ def _mechanism(evidence: Evidence) -> Table:
     ]
     if evidence.roles.model is None and model is MechanismModel.GUN:
         comments.append('One body on a line is `model = "line"`: it needs m3, phi20, friction, and none of the others.')
+    elif evidence.roles.model is None:
+        comments.append("No file has a pressure, so it may be one body on a line; a gun has no key `model`.")
     return Table("[mechanism]", tuple(entries), tuple(comments))
 
 

@@ -176,7 +176,7 @@ class DraftedChannels:
             role = proposal.role
             yield Entry("role", role, proposal.reason)
         elif proposal is not None:
-            yield Entry("role", _role_question(proposal, self._quantity(signal), model))
+            yield Entry("role", _role_question(proposal, self._evidence.quantity_of(signal), model))
             role = proposal.role
         elif self._is_asked_for_its_role(signal):
             roles = dict.fromkeys((*GUN_ROLES, *FORCE_ROLES, *LINE_ROLES))
@@ -212,11 +212,6 @@ class DraftedChannels:
         stated = None if other is None else stated_values(other.table(MECHANISM), []).get("d")
         return float(stated) if isinstance(stated, int | float) else None
 
-    def _quantity(self, signal: RecordedSignal) -> str:
-        """Return what a signal measures, or is supposed to."""
-        supposed = self._evidence.supposed.get(signal.key)
-        return signal.quantity if supposed is None else supposed.quantity
-
     def _polarity_of_reference(self, twin: Twin) -> int:
         """Return the polarity that the draft gives to what a twin repeats."""
         given = next((one.value for one in self._role(twin.of, self._other(twin.of)) if one.key == "polarity"), 1)
@@ -244,7 +239,7 @@ class DraftedChannels:
                 reasons["range"] = f"in {certificate.cells['unit']}, as certified: another `unit` needs it turned"
         rows = [Entry(key, value, reasons.get(key, "")) for key, value in sensor.items()]
         if enters:
-            asked = dict(_asked_of_sensor(self._quantity(signal), role, unit))
+            asked = dict(_asked_of_sensor(self._evidence.quantity_of(signal), role, unit))
             if self._evidence.roles.model is MechanismModel.LINE:
                 asked.pop("position", None)  # a body that does not turn feels the same everywhere
             if other is not None:

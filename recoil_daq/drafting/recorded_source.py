@@ -548,6 +548,9 @@ def _table_source(path: Path, name: str, stated: Mapping[str, Any], error: Unkno
         raise error
     if opened.lacking == "rate_hz":
         asked["rate_hz"] = _RATE
+        if proposed.rate_line:
+            meaning = f"samples per second, as line {proposed.rate_line} of the file seems to say"
+            asked["rate_hz"] = replace(_RATE, meaning=meaning, proposal=proposed.rate_hz)
     elif opened.lacking:
         meaning = "unit of the column of time, which the file does not state: s, ms, us, ns, min, h"
         asked["time_unit"] = Question(meaning, read=one_of(("s", "ms", "us", "ns", "min", "h")), opens=True)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from recoil_daq.drafting.recorded_source import RecordedSignal
-from recoil_daq.drafting.role_words import GUN_ROLES, LINE_ROLES, STRONG_WORD, score
+from recoil_daq.drafting.role_words import GUN_ROLES, LINE_ROLES, STRONG_WORD, quantity_by_name, score
 from recoil_processing.swing import (
     DRIVE_S,
     ShotRole,
@@ -162,7 +162,8 @@ def _proposal(
             return RoleProposal("", False, f"{by_shot.reason}, but {better.name} has the name of a {by_shot.role}")
         offered = by_shot.role if by_shot.lead >= CLEAR_LEAD else ""
         what = "" if offered else f"{by_shot.role} or its neighbour's: "
-        return RoleProposal(offered, False, f"{what}{by_shot.reason}{_factor(by_shot)}; its name says nothing")
+        says = "the quantity alone" if quantity_by_name(signal.name) == signal.quantity else "nothing"
+        return RoleProposal(offered, False, f"{what}{by_shot.reason}{_factor(by_shot)}; its name says {says}")
     taken = any(one.role == named for one in all_by_shot.values()) and named not in FORCE_SENSOR_ROLES
     moves = signal.swing is not None and signal.swing.moves
     if named and margin >= CLEAR_MARGIN and moves and not taken:

@@ -90,6 +90,20 @@ def score(signal: str, role: str, quantity: str) -> int:
     return max(sum(found) + 1 + sum(_AGAINST for pattern in words.against if re.search(pattern, name)), 0)
 
 
+_QUANTITY_WORDS: Mapping[str, str] = {
+    "acceleration": r"acc|beschl", "force": r"force|kraft|load\b|last\b", "pressure": r"press|druck",
+    "velocity": r"veloc|speed|geschw", "displacement": r"displ|travel|weg\b|hub\b",
+}  # fmt: skip
+"""Quantity -> words of it."""
+
+
+def quantity_by_name(signal: str) -> str:
+    """Return the quantity that a name alone speaks for; empty if it speaks for none, or for two."""
+    name = own_part(signal).casefold()
+    found = [quantity for quantity, words in _QUANTITY_WORDS.items() if re.search(words, name)]
+    return found[0] if len(found) == 1 else ""
+
+
 def role_by_name(signal: str) -> str:
     """Return the role that a name alone speaks for, whatever it measures; empty if it speaks for none, or for two."""
     roles = dict.fromkeys((*GUN_ROLES, *LINE_ROLES))
