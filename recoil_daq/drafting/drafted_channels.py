@@ -148,6 +148,8 @@ class DraftedChannels:
             yield Entry("unit", signal.unit)
         elif "unit" in other:
             yield Entry("unit", other["unit"], as_other)
+        elif signal.counts and (certified := "" if certificate is None else certificate.cells.get("unit", "")):
+            yield Entry("unit", certified, "of its numbers times `gain`, as certified")
         elif twin is not None and signal.counts:
             yield Entry("unit", SI_UNITS[twin.of.quantity], "of its numbers times `gain`")
         elif twin is not None and (scale := twin.unit()):
@@ -159,6 +161,9 @@ class DraftedChannels:
             usual = ", ".join(name for name, one in UNITS.items() if supposed.quantity in one.quantities)
             of = "its numbers times `gain`" if signal.counts else "its numbers"
             meaning = f"unit of {of}, from the device's manual: one of {usual}"
+            yield Entry("unit", Question(meaning, read=a_unit(PIXELS)))
+        elif signal.counts:
+            meaning = "unit of its numbers times `gain`, from the device's manual"
             yield Entry("unit", Question(meaning, read=a_unit(PIXELS)))
         else:
             meaning = "unit of the file's numbers, which states none: as set in the recorder"
@@ -250,15 +255,16 @@ class DraftedChannels:
                 }
             rows += [Entry(key, one) for key, one in asked.items() if key not in sensor]
         if signal.counts and not signal.unit and "gain" not in sensor:
-            rows += self._gain(signal)
+            rows += self._gain(signal, unit)
         if rows:
             yield Table("[channel.sensor]", tuple(rows), () if certificate is None else (_row_of(certificate),))
 
-    def _gain(self, signal: RecordedSignal) -> Iterator[Entry]:
+    def _gain(self, signal: RecordedSignal, unit: str | None) -> Iterator[Entry]:
         """Yield the scale of whole numbers that were found in bytes: by what they repeat, else it is asked for."""
         twin = self._evidence.twins.get(signal.key)
-        if twin is not None:
-            yield Entry("gain", float(f"{twin.per_number:.4g}"), f"by its scale beside {twin.of.name}")
+        known = None if unit is None else find_unit(unit)
+        if twin is not None and known is not None and not signal.quantity:
+            yield Entry("gain", float(f"{twin.per_number / known.factor:.4g}"), f"by its scale beside {twin.of.name}")
         else:
             meaning = "value of one count, in the channel's unit: device's manual, 1 / 32768 is 3.05e-05"
             yield Entry("gain", Question(meaning, read=a_number("", SCALE)))

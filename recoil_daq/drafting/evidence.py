@@ -151,11 +151,11 @@ def _in_si(signal: RecordedSignal, certificates: tuple[Certificate, ...], other:
     unit = find_unit(signal.unit or str(row.get("unit", "")))
     certificate = certificate_of(signal, certificates, other)
     quantity = str(row.get("quantity", "")) or ("" if certificate is None else certificate.quantity)
-    if unit is None or quantity not in SI_UNITS:
+    gain = _gain(sensor) if signal.counts else 1.0
+    if unit is None or quantity not in SI_UNITS or gain is None:
         return signal
     if quantity in unit.quantities:
-        factor = unit.factor * _gain(sensor) if signal.counts else unit.factor
-        measured = replace(signal, quantity=quantity, factor=factor, offset=unit.offset)
+        measured = replace(signal, quantity=quantity, factor=unit.factor * gain, offset=unit.offset)
     else:
         stated = _sensitivity(certificate, sensor)
         if stated is None or not stated[0].turned_into(unit) or quantity not in stated[0].per.quantities:
@@ -166,10 +166,10 @@ def _in_si(signal: RecordedSignal, certificates: tuple[Certificate, ...], other:
     return signal if same else with_swing(measured)
 
 
-def _gain(sensor: Mapping[str, Any]) -> float:
-    """Return the gain that another rig states of a sensor; 1 where it states none."""
+def _gain(sensor: Mapping[str, Any]) -> float | None:
+    """Return the gain that another rig states of a sensor; None where it states none."""
     gain = sensor.get("gain")
-    return float(gain) if isinstance(gain, int | float) and gain > 0 else 1.0
+    return float(gain) if isinstance(gain, int | float) and gain > 0 else None
 
 
 def certificate_of(

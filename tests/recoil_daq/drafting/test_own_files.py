@@ -100,8 +100,8 @@ def test_a_port_of_whole_numbers_is_read_when_its_clocks_tick_is_known() -> None
         "method": "redundant", "channel": "serial_i16_at_12", "against": "Lafette_längs",
     }  # fmt: skip
     channels = {row["signal"]: row for row in tables(second)["channel"]}
-    assert channels["i16_at_12"]["unit"] == "m/s^2"
-    assert channels["i16_at_12"]["sensor"]["gain"] == pytest.approx(9.80665e-3, rel=0.03)
+    assert channels["i16_at_12"]["unit"] == "g"
+    assert channels["i16_at_12"]["sensor"]["gain"] == pytest.approx(1e-3, rel=0.03)
     assert channels["i16_at_8"]["sensor"]["gain"].startswith("TODO value of one count")
 
 
@@ -114,8 +114,8 @@ FIRST = {
 SECOND = {
     "Rohr": {"position": [-0.30, 0.06]}, "Lafette_längs": {"position": [0.05, -0.10]},
     "Lafette_quer": {"position": [0.05, -0.10]},
-    "serial_i16_at_8": {"unit": "rad/s", "gain": RATE_PER_COUNT, "role": "carriage_rate"},
-    "serial_i16_at_10": {"unit": "rad/s", "gain": RATE_PER_COUNT, "role": "tipping_rate"},
+    "serial_i16_at_8": {"gain": RATE_PER_COUNT, "role": "carriage_rate"},
+    "serial_i16_at_10": {"gain": RATE_PER_COUNT, "role": "tipping_rate"},
 }  # fmt: skip
 """Values beside the mechanism's that the second one asks for; no others."""
 
