@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-from recoil_acquisition.errors import KeyPath, Row
+from recoil_acquisition.errors import KeyPath, RecoilDaqError, Row
 from recoil_daq.drafting.answer import Answer
 from recoil_daq.drafting.init import NOTHING, DraftedRig
 from recoil_daq.drafting.other_rig import OtherRig
@@ -32,12 +33,14 @@ class Interview:
         self._look = look
         self._drafted = look(NOTHING)
         self._answered: Mapping[str, Any] = NOTHING
+        self._refused: tuple[str, ...] = ()
         self.answers: dict[KeyPath, Answer] = {}
 
     @property
     def drafted(self) -> DraftedRig:
         """Draft with the answers so far."""
-        return self._drafted.with_answers(_by_place(self._drafted, self.answers))
+        answered = self._drafted.with_answers(_by_place(self._drafted, self.answers))
+        return replace(answered, lacks=(*answered.lacks, *self._refused))
 
     def hold(self, ask: Ask) -> None:
         """Ask what opens files and draft again by the answers, as long as that brings new questions; then the rest.
@@ -57,8 +60,24 @@ class Interview:
                 break
             new = self._drafted.answered_tables(_by_place(self._drafted, self.answers))
             self._answered = OtherRig(self._drafted.path, self._answered, {}).with_answers(new).tables
-            self._drafted = self._look(self._answered)
+            if not self._looked_again():
+                break
         ask(sorted(self._questions(asked), key=lambda one: one.parts[-1] in _LAST), self.answers)
+
+    def _looked_again(self) -> bool:
+        """Draft again by the answers; where files are not read by them, the draft before is kept, and that is said."""
+        try:
+            again = self._look(self._answered)
+        except RecoilDaqError as error:
+            self._refused = (f"by the answers the files are not read: {error}",)
+            return False
+        lost = [path for path in again.left_out if path not in self._drafted.left_out]
+        if lost:
+            error = again.left_out[lost[0]]
+            self._refused = (f"by the answers {lost[0].name} is not read: {error.without_path()}",)
+            return False
+        self._drafted = again
+        return True
 
     def _questions(self, asked: set[KeyPath]) -> list[OpenEntry]:
         return [one for one in self._drafted.draft.questions() if _known(one.parts) not in asked]

@@ -384,9 +384,10 @@ def _bus_source(
     bus = stated.get("bus")
     declared = Declarations(name, bus=bus if isinstance(bus, int | str) else None)
     opened = [(reader.open(path, replace(declared, database=one.text)), one) for one in databases]
-    most = max((_explained(recording) for recording, _ in opened), default=0)
-    best = [one for one in opened if _explained(one[0]) == most]
-    if not most:
+    opened = [one for one in opened if one[0].signals]
+    least = min((_unexplained(recording) for recording, _ in opened), default=0)
+    best = [one for one in opened if _unexplained(one[0]) == least]
+    if not best:
         recording = reader.open(path, replace(declared, database=EMPTY_DATABASE))
         unknown = recording.metadata.get("unknown_identifiers", {})
         shown = ", ".join(f"{key} ({count} frames)" for key, count in list(unknown.items())[:8])
@@ -425,9 +426,9 @@ def _of_bus(databases: Sequence[Database], stated: Mapping[str, Any], other: Oth
     return [one for one in databases if one.path.resolve() == path] or databases
 
 
-def _explained(recording: Recording) -> int:
-    """Return the number of samples that a database explains of a bus."""
-    return sum(one.sample_count for one in recording.signals)
+def _unexplained(recording: Recording) -> int:
+    """Return the number of a bus's frames that a database does not explain."""
+    return sum(int(count) for count in recording.metadata.get("unknown_identifiers", {}).values())
 
 
 def _differ(one: Recording, other: Recording) -> bool:

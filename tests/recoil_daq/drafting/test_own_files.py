@@ -73,6 +73,31 @@ def test_databases_that_explain_a_bus_equally_well_are_asked_for_and_kept() -> N
 
 @pytest.mark.whole_way
 @pytest.mark.usefixtures("stand")
+def test_a_database_with_more_signals_of_the_same_frames_is_no_better() -> None:
+    more = ' SG_ Temperatur : 40|8@1+ (1,0) [0|255] "" Rekorder\n'
+    Path("bus2.dbc").write_text(Path("bus2.dbc").read_text(encoding="utf-8") + more, encoding="utf-8")
+    found = draft_rig(["Messung_0001.csv", "Bus1_0001.log"], databases=["bus1.dbc", "bus2.dbc"], out="rig.toml")
+    assert sources(found)["can"]["database"].startswith("TODO bus1.dbc and bus2.dbc explain")
+
+
+@pytest.mark.whole_way
+@pytest.mark.usefixtures("stand")
+def test_answers_by_which_a_file_is_not_read_are_kept_and_said(run, monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("notes.txt").write_text("no database\n", encoding="utf-8")
+    answers = iter(["notes.txt", "782 kg", "."])
+    monkeypatch.setattr("recoil_daq.terminal.session.Session.asks", True)
+    monkeypatch.setattr("recoil_daq.terminal.init.typer.prompt", lambda *_, **__: next(answers))
+    done = run("init", "Messung_0001.csv", "Bus1_0001.log", "--sensors", "sensoren.csv")
+    assert done.exit_code == 1
+    last = " ".join(done.stdout.split("lacks: ")[-1].split())
+    assert last.startswith("by the answers the files are not read: ")
+    assert "notes.txt: this is no CAN database" in last
+    rig = tomllib.loads(Path("rig.toml").read_text(encoding="utf-8"))
+    assert (rig["source"][1]["database"], rig["mechanism"]["m3"]) == ("notes.txt", 782.0)
+
+
+@pytest.mark.whole_way
+@pytest.mark.usefixtures("stand")
 def test_databases_that_say_the_same_of_a_bus_are_no_question() -> None:
     Path("copy.dbc").write_bytes(Path("bus1.dbc").read_bytes())
     found = draft_rig(["Messung_0001.csv", "Bus1_0001.log"], databases=["bus1.dbc", "copy.dbc"], out="rig.toml")
