@@ -1,5 +1,6 @@
 """Commands that look at rigs and files, and write shots in other formats."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -9,8 +10,7 @@ from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption
 from recoil_daq.terminal.session import INTERRUPTED, NOT_VALID, OK, Session
 
 if TYPE_CHECKING:
-    from recoil_acquisition.errors import KeyPath
-    from recoil_daq.drafting.answer import Answer
+    from recoil_daq.drafting.init import DraftedRig
 
 
 def check(
@@ -94,28 +94,34 @@ def init(
 
             READER.start()
         from recoil_daq.drafting.init import check_free, draft_rig
+        from recoil_daq.drafting.interview import Interview
 
         check_free(out, overwrite=overwrite)
-        with session.steps("init") as progress:
-            drafted = draft_rig(
-                files, databases=database or (), sensors=sensors, other=other, out=out, progress=progress
-            )
+
+        def look(answered: Mapping[str, Any]) -> "DraftedRig":
+            with session.steps("init") as progress:
+                return draft_rig(
+                    files, databases=database or (), sensors=sensors, other=other, answered=answered, out=out,
+                    progress=progress,
+                )  # fmt: skip
+
+        interview = Interview(look)
         ended = False
         if session.asks:
-            from recoil_daq.terminal.init import ask, print_interrupted
+            from recoil_daq.terminal.init import ask, print_how_to_answer, print_interrupted
 
-            answers: dict[KeyPath, Answer] = {}
+            print_how_to_answer()
             try:
-                ask(drafted.draft.questions(), answers)
+                interview.hold(ask)
             except KeyboardInterrupt:
-                if not answers:
+                if not interview.answers:
                     raise
                 ended = True
-            drafted = drafted.with_answers(answers)
+        drafted = interview.drafted
         drafted.write(overwrite=overwrite)
         if ended:
             drafted.show()
-            print_interrupted(out, len(answers))
+            print_interrupted(out, len(interview.answers))
             raise typer.Exit(INTERRUPTED)
         session.finish(drafted.to_json(), drafted.show, NOT_VALID if drafted.lacks else OK)
 

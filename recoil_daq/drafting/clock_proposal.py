@@ -56,9 +56,14 @@ class Twin:
         """1 where it swings as the other does, else -1."""
         return 1 if self.gain > 0 else -1
 
+    @property
+    def per_number(self) -> float:
+        """Value of one of the signal's numbers by the scale of the other, SI."""
+        return 1.0 / abs(self.gain)
+
     def unit(self) -> str:
         """Return the unit of a signal that states none, by the scale of the other; empty if none is near."""
-        size = 1.0 / abs(self.gain)
+        size = self.per_number
         fitting = {
             name: abs(unit.factor / size - 1.0)
             for name, unit in UNITS.items()

@@ -87,10 +87,10 @@ def _head(evidence: Evidence, *, complete: bool) -> Table:
 
 def _mechanism(evidence: Evidence) -> Table:
     """Ask for all that the model needs; what another rig states is taken over."""
-    model = evidence.roles.model or MechanismModel.GUN
+    model = evidence.model
     stated = {} if evidence.other is None else dict(evidence.other.table("mechanism"))
-    if "model" in stated and evidence.roles.model is None:
-        model = MechanismModel.LINE if stated["model"] == MechanismModel.LINE else MechanismModel.GUN
+    if stated and evidence.roles.model is None:
+        model = MechanismModel.LINE if stated.get("model") == MechanismModel.LINE else MechanismModel.GUN
     entries = []
     if model is MechanismModel.LINE:
         entries.append(Entry("model", "line", "one body on a line: a force moves it, and no pressure is read"))
@@ -113,6 +113,8 @@ def _mechanism(evidence: Evidence) -> Table:
     ]
     if evidence.roles.model is None and model is MechanismModel.GUN:
         comments.append('One body on a line is `model = "line"`: it needs m3, phi20, friction, and none of the others.')
+    elif evidence.roles.model is None:
+        comments.append("No file has a pressure, so it may be one body on a line; a gun has no key `model`.")
     return Table("[mechanism]", tuple(entries), tuple(comments))
 
 
@@ -156,11 +158,24 @@ def _alignment(
         align = {key: names.get(value, value) for key, value in proposal.align.items()}
         yield Entry("align", align, proposal.reason)
     else:
+        first = _first_of(source)
+        why = (
+            f"found by `init` with --from once `{first}` is answered"
+            if first
+            else "no signal of the file repeats one of the reference clock, or shows its motion"
+        )
         meaning = (
-            '{ method = "motion", against = ".." }, "redundant", "trigger", "exposure" or "fixed": no signal of the '
-            "file repeats one of the reference clock, or shows its motion; docs/rig-file.md"
+            '{ method = "motion", against = ".." }, "redundant", "trigger", "exposure" or "fixed": '
+            f"{why}; docs/rig-file.md"
         )
         yield Entry("align", Question(meaning, read=a_table("align", _Aligned)))
+
+
+def _first_of(source: RecordedSource) -> str:
+    """Return the key of a source whose answer lets its file tell more; empty if there is none."""
+    stated = [(entry.key, entry.value) for entry in source.entries]
+    stated += [item for table in source.tables.values() for item in table.items()]
+    return next((key for key, one in stated if isinstance(one, Question) and one.opens), "")
 
 
 def _source_table(key: str, table: Mapping[str, Any]) -> Table:
@@ -181,8 +196,9 @@ def file_pattern(path: Path, files: Sequence[Path]) -> str:
     shared = frozenset.intersection(*(numbers_of(one) for one in files)) if len(files) > 1 else numbers_of(path)
     stem, suffix = path.stem, path.suffix
     if len(shared) == 1:
-        number = str(min(shared))
-        found = re.search(rf"(?<![0-9])0*{number}(?![0-9])", stem)
+        # of a bus's number and the shot's, which may be the same one, the longer spelling is the shot's
+        alone = [one for one in re.finditer(r"[^_\s-]+", stem) if one[0].isdecimal() and int(one[0]) in shared]
+        found = max(alone, key=lambda one: len(one[0]), default=None)
         if found is not None:
             before, behind = stem[: found.start()], stem[found.end() :]
             return f"{_dateless(before)}{SHOT_PLACE}{_dateless(behind)}{suffix}"

@@ -14,7 +14,7 @@ from recoil_daq.drafting.recorded_source import PIXELS, RecordedSignal
 from recoil_daq.drafting.rig_draft import Entry, Question, Table
 from recoil_daq.drafting.role_proposal import RoleProposal, polarity_of
 from recoil_daq.drafting.role_words import GUN_ROLES, LINE_ROLES, own_part
-from recoil_rigs.checks.plausible import U_REL
+from recoil_rigs.checks.plausible import SCALE, U_REL
 from recoil_rigs.mechanism.mechanism_parameters import MECHANISM, MechanismModel, stated_values
 from recoil_rigs.tables.certificate_table import Certificate
 from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS, FORCE_ROLES, ROLES
@@ -142,13 +142,16 @@ class DraftedChannels:
             yield Entry("quantity", Question(likely.reason, likely.quantity, one_of(list(SI_UNITS))))
         else:
             quantities = ", ".join(SI_UNITS)
-            yield Entry(
-                "quantity", Question(f"quantity that it measures: one of {quantities}", read=one_of(list(SI_UNITS)))
-            )
+            meaning = f"quantity that it measures: one of {quantities}"
+            yield Entry("quantity", Question(meaning, read=one_of(list(SI_UNITS)), opens=True))
         if signal.unit:
             yield Entry("unit", signal.unit)
         elif "unit" in other:
             yield Entry("unit", other["unit"], as_other)
+        elif signal.counts and (certified := "" if certificate is None else certificate.cells.get("unit", "")):
+            yield Entry("unit", certified, "of its numbers times `gain`, as certified")
+        elif twin is not None and signal.counts:
+            yield Entry("unit", SI_UNITS[twin.of.quantity], "of its numbers times `gain`")
         elif twin is not None and (scale := twin.unit()):
             yield Entry("unit", scale, f"by its scale beside {twin.of.name}, {abs(twin.gain):.4g}")
         elif (supposed := evidence.supposed.get(signal.key)) is not None and supposed.unit:
@@ -156,11 +159,15 @@ class DraftedChannels:
             yield Entry("unit", Question(meaning, supposed.unit, a_unit(PIXELS)))
         elif supposed is not None:
             usual = ", ".join(name for name, one in UNITS.items() if supposed.quantity in one.quantities)
-            meaning = f"unit of its numbers, from the device's manual: one of {usual}"
+            of = "its numbers times `gain`" if signal.counts else "its numbers"
+            meaning = f"unit of {of}, from the device's manual: one of {usual}"
+            yield Entry("unit", Question(meaning, read=a_unit(PIXELS)))
+        elif signal.counts:
+            meaning = "unit of its numbers times `gain`, from the device's manual"
             yield Entry("unit", Question(meaning, read=a_unit(PIXELS)))
         else:
             meaning = "unit of the file's numbers, which states none: as set in the recorder"
-            yield Entry("unit", Question(meaning, read=a_unit(PIXELS)))
+            yield Entry("unit", Question(meaning, read=a_unit(PIXELS), opens=True))
 
     def _role(self, signal: RecordedSignal, other: Mapping[str, Any]) -> Iterator[Entry]:
         """Yield role and polarity, with their reasons."""
@@ -174,7 +181,7 @@ class DraftedChannels:
             role = proposal.role
             yield Entry("role", role, proposal.reason)
         elif proposal is not None:
-            yield Entry("role", _role_question(proposal, self._quantity(signal), model))
+            yield Entry("role", _role_question(proposal, self._evidence.quantity_of(signal), model))
             role = proposal.role
         elif self._is_asked_for_its_role(signal):
             roles = dict.fromkeys((*GUN_ROLES, *FORCE_ROLES, *LINE_ROLES))
@@ -210,11 +217,6 @@ class DraftedChannels:
         stated = None if other is None else stated_values(other.table(MECHANISM), []).get("d")
         return float(stated) if isinstance(stated, int | float) else None
 
-    def _quantity(self, signal: RecordedSignal) -> str:
-        """Return what a signal measures, or is supposed to."""
-        supposed = self._evidence.supposed.get(signal.key)
-        return signal.quantity if supposed is None else supposed.quantity
-
     def _polarity_of_reference(self, twin: Twin) -> int:
         """Return the polarity that the draft gives to what a twin repeats."""
         given = next((one.value for one in self._role(twin.of, self._other(twin.of)) if one.key == "polarity"), 1)
@@ -242,7 +244,7 @@ class DraftedChannels:
                 reasons["range"] = f"in {certificate.cells['unit']}, as certified: another `unit` needs it turned"
         rows = [Entry(key, value, reasons.get(key, "")) for key, value in sensor.items()]
         if enters:
-            asked = dict(_asked_of_sensor(self._quantity(signal), role, unit))
+            asked = dict(_asked_of_sensor(self._evidence.quantity_of(signal), role, unit))
             if self._evidence.roles.model is MechanismModel.LINE:
                 asked.pop("position", None)  # a body that does not turn feels the same everywhere
             if other is not None:
@@ -252,8 +254,20 @@ class DraftedChannels:
                     if key == "u_rel" or not other.leaves_out(signal.source, signal.name, key)
                 }
             rows += [Entry(key, one) for key, one in asked.items() if key not in sensor]
+        if signal.counts and not signal.unit and "gain" not in sensor:
+            rows += self._gain(signal, unit)
         if rows:
             yield Table("[channel.sensor]", tuple(rows), () if certificate is None else (_row_of(certificate),))
+
+    def _gain(self, signal: RecordedSignal, unit: str | None) -> Iterator[Entry]:
+        """Yield the scale of whole numbers that were found in bytes: by what they repeat, else it is asked for."""
+        twin = self._evidence.twins.get(signal.key)
+        known = None if unit is None else find_unit(unit)
+        if twin is not None and known is not None and not signal.quantity:
+            yield Entry("gain", float(f"{twin.per_number / known.factor:.4g}"), f"by its scale beside {twin.of.name}")
+        else:
+            meaning = "value of one count, in the channel's unit: device's manual, 1 / 32768 is 3.05e-05"
+            yield Entry("gain", Question(meaning, read=a_number("", SCALE)))
 
 
 def _row_of(certificate: Certificate) -> str:
@@ -296,7 +310,7 @@ def _channel_names(evidence: Evidence, used: set[str]) -> dict[str, str]:
     for signal in signals:
         other = {} if evidence.other is None else evidence.other.channel_of(signal.source, signal.name)
         plain = re.sub(r"\W+", "_", own_part(signal.name)).strip("_") or "signal"
-        if plain[0].isdigit() or plain.startswith("f32_at_"):
+        if plain[0].isdigit() or re.match(r"[fi]\d\d_at_", plain):
             plain = f"{signal.source}_{plain}"
         wanted = str(other.get("name") or plain)
         free, number = wanted, 1

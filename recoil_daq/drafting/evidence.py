@@ -14,7 +14,8 @@ from recoil_daq.drafting.line_clocks import by_exposure, by_trigger
 from recoil_daq.drafting.other_rig import OtherRig
 from recoil_daq.drafting.recorded_source import RecordedSignal, RecordedSource, with_swing
 from recoil_daq.drafting.role_proposal import ProposedRoles, RoleProposal, propose_roles
-from recoil_daq.drafting.role_words import role_by_name
+from recoil_daq.drafting.role_words import quantity_by_name, role_by_name
+from recoil_rigs.mechanism.mechanism_parameters import MechanismModel
 from recoil_rigs.tables.certificate_table import Certificate, certificate_for
 from recoil_rigs.tables.rig_tables import ROLES
 from recoil_rigs.tables.sensitivity import OUTPUTS, Sensitivity, output_from_text, sensitivity_from_text
@@ -62,6 +63,8 @@ class Evidence:
         Signals that repeat one of the reference clock, by their keys.
     supposed
         Supposed quantities and units of signals of which the files do not tell, by their keys.
+    complete
+        Whether all files that were given could be read.
     """
 
     name: str
@@ -73,6 +76,7 @@ class Evidence:
     supposed: Mapping[str, Supposition] = field(default_factory=dict)
     certificates: tuple[Certificate, ...] = ()
     other: OtherRig | None = None
+    complete: bool = True
 
     @property
     def signals(self) -> list[RecordedSignal]:
@@ -80,9 +84,23 @@ class Evidence:
         return [one for source in self.sources for one in source.signals]
 
     @property
+    def model(self) -> MechanismModel:
+        """Model of what moves; where the files show no shot, a line if all is known of them and no pressure is."""
+        if self.roles.model is not None:
+            return self.roles.model
+        known = all(source.signals for source in self.sources) and self.complete
+        pressures = any(self.quantity_of(one) == "pressure" for one in self.signals)
+        return MechanismModel.LINE if known and not pressures else MechanismModel.GUN
+
+    def quantity_of(self, signal: RecordedSignal) -> str:
+        """Return what a signal measures, or is supposed to; empty if nothing tells."""
+        supposed = self.supposed.get(signal.key)
+        return signal.quantity if supposed is None else supposed.quantity
+
+    @property
     def as_other(self) -> str:
         """Reason for what is taken over from the other rig; empty if there is none."""
-        return "" if self.other is None else f"as in {self.other.path.name}"
+        return "" if self.other is None else self.other.reason
 
 
 def evidence_of(
@@ -133,10 +151,11 @@ def _in_si(signal: RecordedSignal, certificates: tuple[Certificate, ...], other:
     unit = find_unit(signal.unit or str(row.get("unit", "")))
     certificate = certificate_of(signal, certificates, other)
     quantity = str(row.get("quantity", "")) or ("" if certificate is None else certificate.quantity)
-    if unit is None or quantity not in SI_UNITS:
+    gain = _gain(sensor) if signal.counts else 1.0
+    if unit is None or quantity not in SI_UNITS or gain is None:
         return signal
     if quantity in unit.quantities:
-        measured = replace(signal, quantity=quantity, factor=unit.factor, offset=unit.offset)
+        measured = replace(signal, quantity=quantity, factor=unit.factor * gain, offset=unit.offset)
     else:
         stated = _sensitivity(certificate, sensor)
         if stated is None or not stated[0].turned_into(unit) or quantity not in stated[0].per.quantities:
@@ -145,6 +164,12 @@ def _in_si(signal: RecordedSignal, certificates: tuple[Certificate, ...], other:
         measured = replace(signal, quantity=quantity, factor=factor, offset=-stated[2])
     same = (measured.quantity, measured.factor, measured.offset) == (signal.quantity, signal.factor, signal.offset)
     return signal if same else with_swing(measured)
+
+
+def _gain(sensor: Mapping[str, Any]) -> float | None:
+    """Return the gain that another rig states of a sensor; None where it states none."""
+    gain = sensor.get("gain")
+    return float(gain) if isinstance(gain, int | float) and gain > 0 else None
 
 
 def certificate_of(
@@ -202,7 +227,7 @@ def _evidence(
             clocks[source.name] = proposal
     roles = _with_lines(roles, clocks)
     name = path.resolve().parent.name if path.stem == Path(USUAL_NAME).stem else path.stem
-    return Evidence(name or "rig", sources, reference, roles, clocks, twins, supposed, certificates, other)
+    return Evidence(name or "rig", sources, reference, roles, clocks, twins, supposed, certificates, other, complete)
 
 
 def _without_units(
@@ -225,7 +250,18 @@ def _without_units(
             elif (role := role_by_name(one.name)) and named.setdefault(role, one) is one:
                 reason = f"its name is that of a {role}"
                 found[one.key] = Supposition(ROLES[role], "", reason)
+            elif quantity := quantity_by_name(one.name):
+                found[one.key] = Supposition(quantity, "", f"its name tells {quantity}")
+        farthest = _farthest(source) if source.kind == "camera" else None
+        if farthest is not None and not any(one.key in found for one in source.signals):
+            found[farthest.key] = Supposition("displacement", "", "goes farthest of the camera's tracks")
     return found
+
+
+def _farthest(source: RecordedSource) -> RecordedSignal | None:
+    """Return the track of a camera that moves most; None if none does."""
+    moving = [(abs(one.swing.peak), one) for one in source.signals if one.swing is not None and one.swing.moves]
+    return max(moving, key=lambda one: one[0], default=(0.0, None))[1]
 
 
 def _by_certificate(certificate: Certificate | None) -> Supposition | None:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from recoil_acquisition.errors import (
@@ -14,6 +15,7 @@ from recoil_acquisition.errors import (
     KeyPath,
     ReadError,
     RecoilDaqError,
+    Row,
     StoreError,
     spelled,
     system_errors_as,
@@ -43,6 +45,7 @@ from recoil_rigs.tables.certificate_table import read_certificates
 from recoil_rigs.tables.open_values import count_stated, without_open_values
 from recoil_rigs.tables.sensitivity import OUTPUTS
 
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 _ORDER = "recoil-daq init FILES..."
 
 
@@ -91,7 +94,10 @@ class DraftedRig(Printed):
             "model": None if self.roles.model is None else self.roles.model.value,
             "stated": count_stated(sound),
             "open": [
-                {"key": spelled(one.parts), "question": one.question.meaning, "proposal": one.question.proposal}
+                {
+                    "key": spelled(one.parts), "question": one.question.meaning, "proposal": one.question.proposal,
+                    "first": one.question.opens,
+                }
                 for one in questions
             ],
             "sources": [
@@ -137,6 +143,33 @@ class DraftedRig(Printed):
         reasons = {key: f"typed as {answer.typed}" for key, answer in answers.items() if answer.typed}
         return replace(self, draft=self.draft.answered(values, reasons))
 
+    def answered_tables(self, answers: Mapping[KeyPath, Answer]) -> dict[str, Any]:
+        """Return the tables of a rig file that have answers, with what tells whose they are, for the next draft.
+
+        Of a source all is returned by which its file is read; how its clock is found is to be looked for again.
+        """
+        tables, _ = without_open_values(parse_toml(self.with_answers(answers).draft.text()))
+        found: dict[str, Any] = {}
+        for parts in answers:
+            row, key = parts[0], str(parts[-1])
+            if not isinstance(row, Row) or row.index is None:
+                if len(parts) == 2 and key in tables[str(row)]:
+                    found.setdefault(str(row), {})[key] = tables[str(row)][key]
+                continue
+            table = tables[row.table][row.index]
+            kept = found.setdefault(row.table, {}).setdefault(row.index, {})
+            if row.table == "source":
+                kept |= {name: value for name, value in table.items() if name not in ("align", "database")}
+                if "database" in table:
+                    kept["database"] = str((self.path.parent / table["database"]).resolve())
+            else:
+                kept |= {name: table[name] for name in ("name", "source", "signal")}
+            if len(parts) == 2 and key != "database" and key in table:
+                kept[key] = table[key]
+            elif len(parts) == 3 and row.table == "channel" and key in table.get(str(parts[1]), {}):
+                kept.setdefault(str(parts[1]), {})[key] = table[str(parts[1])][key]
+        return {key: list(one.values()) if key in ("source", "channel") else one for key, one in found.items()}
+
     def write(self, *, overwrite: bool = False) -> None:
         """Write the rig file.
 
@@ -172,6 +205,7 @@ def draft_rig(
     databases: Sequence[str | Path] = (),
     sensors: str | Path | None = None,
     other: str | Path | None = None,
+    answered: Mapping[str, Any] = NOTHING,
     out: str | Path = USUAL_NAME,
     progress: Progress = lambda _: None,
 ) -> DraftedRig:
@@ -191,6 +225,8 @@ def draft_rig(
         Table of certificates, see `recoil_rigs.tables.certificate_table`.
     other
         Another rig file, finished or not, whose values are taken over.
+    answered
+        Tables of what was answered of an earlier draft, see `DraftedRig.answered_tables`; it stands before `other`.
     out
         Path of the rig file, from whose folder databases are named.
     progress
@@ -212,6 +248,11 @@ def draft_rig(
     stated = None if other is None else OtherRig.read(Path(other))
     if stated is not None and not of_buses:
         of_buses = [one for one in stated.databases() if one.is_file()]
+    before = stated
+    if answered:
+        stated = (stated or OtherRig(path, {}, {})).with_answers(answered)
+        typed = [one for one in OtherRig(path, answered, {}).databases() if one.is_file()]
+        of_buses += [one for one in typed if one.resolve() not in {known.resolve() for known in of_buses}]
     known = [database_of(one, path.parent) for one in of_buses]
     sources: list[RecordedSource] = []
     left_out: dict[Path, RecoilDaqError] = {}
@@ -233,11 +274,13 @@ def draft_rig(
         raise ReadError("no source that a rig knows is in it", path=recorded[0], remedy="give the files of one shot")
     progress("compare the signals")
     lacking = [(one.name, error.without_path()) for one, error in left_out.items() if one not in shot_files]
-    evidence = evidence_of(path, sources, certificates, stated, complete=not lacking)
+    # a bus whose messages nothing explains may have what would be larger than all that is known
+    unexplained = any(source.kind == "can" and not source.signals for source in sources)
+    evidence = evidence_of(path, sources, certificates, stated, complete=not lacking and not unexplained)
     notes = (*(note for source in sources for note in source.notes), *_notes(evidence, known, sensors))
     draft = draft_tables(evidence, lacking)
-    differences = tuple(_differences(evidence))
-    lacks = (*_unread(left_out), *_lost_roles(evidence, draft))
+    differences = tuple(_differences(evidence, before))
+    lacks = (*_unread(left_out), *_lost_roles(evidence, draft, before))
     return DraftedRig(path, draft, tuple(evidence.sources), evidence.roles, differences, notes, left_out, lacks)
 
 
@@ -258,9 +301,8 @@ def _unread(left_out: Mapping[Path, RecoilDaqError]) -> Iterator[str]:
             yield f"{path.name} is not in the draft: {error.without_path()}, and draft again"
 
 
-def _lost_roles(evidence: Evidence, draft: RigDraft) -> Iterator[str]:
+def _lost_roles(evidence: Evidence, draft: RigDraft, other: OtherRig | None) -> Iterator[str]:
     """Say which roles of the other rig's channels no channel of the draft has, or is asked for."""
-    other = evidence.other
     if other is None:
         return
     asked = {one.question.proposal for one in draft.questions() if one.parts[-1] == "role"}
@@ -270,13 +312,12 @@ def _lost_roles(evidence: Evidence, draft: RigDraft) -> Iterator[str]:
             yield f"no channel has the role {role} that {other.path.name} gives {channel!r}: correct its `signal` there"
 
 
-def _differences(evidence: Evidence) -> list[str]:
+def _differences(evidence: Evidence, other: OtherRig | None) -> list[str]:
     """Say what is not as the other rig states it."""
-    other = evidence.other
     if other is None:
         return []
     pairs = frozenset((one.source, one.name) for one in evidence.signals)
-    found = list(other.unmatched(pairs))
+    found = list(other.unmatched([one.name for one in evidence.sources], pairs))
     for one in evidence.signals:
         row = other.channel_of(one.source, one.name)
         if not row:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +27,14 @@ class OtherRig:
         Tables of the file without its open values.
     written
         Tables of the file as they stand there.
+    answered
+        Whether somebody answered some of them since.
     """
 
     path: Path
     tables: Mapping[str, Any]
     written: Mapping[str, Any]
+    answered: bool = False
 
     @classmethod
     def read(cls, path: Path) -> OtherRig:
@@ -50,6 +53,24 @@ class OtherRig:
         except ValueError as error:
             raise RigError(path, [Fault(("TOML",), str(error), FaultCode.SYNTAX)]) from error
         return cls(path, without_open_values(tables)[0], tables)
+
+    def with_answers(self, answers: Row) -> OtherRig:
+        """Put what somebody answered before what it states; what it leaves open stays so."""
+        tables = dict(self.tables)
+        for key, value in answers.items():
+            if isinstance(value, dict):
+                tables[key] = {**self.table(key), **value}
+            elif isinstance(value, list):
+                tables[key] = [*_over(self.rows(key), _rows(value))]
+            else:
+                tables[key] = value
+        return replace(self, tables=tables, answered=True)
+
+    @property
+    def reason(self) -> str:
+        """Reason for a value that is taken over from it."""
+        as_there = f"as in {self.path.name}" if self.written else ""
+        return ", or ".join(filter(None, ("as answered" if self.answered else "", as_there)))
 
     def rows(self, key: str) -> tuple[Row, ...]:
         """Return the tables of an array, those that are tables."""
@@ -92,33 +113,54 @@ class OtherRig:
 
     def takes_as_exact(self, symbol: str) -> bool:
         """Whether it states a value of the mechanism, and neither states nor asks for its uncertainty."""
-        return symbol in self.table("mechanism") and f"u_{symbol}" not in _table(self.written.get("mechanism"))
+        written = _table(self.written.get("mechanism"))
+        return symbol in self.table("mechanism") and symbol in written and f"u_{symbol}" not in written
 
     def leaves_out(self, source: str, signal: str, key: str) -> bool:
         """Whether it has a channel of a signal and leaves out a key of the sensor, so that nobody is asked again."""
         row = _row_of(_rows(self.written.get("channel")), source, signal)
-        return bool(row) and key not in _table(row.get("sensor"))
+        # of a channel without a role nobody asked what its sensor is
+        return "role" in row and key not in _table(row.get("sensor"))
 
     def asks(self, source: str, signal: str, key: str) -> bool:
         """Whether a key of a signal's channel is still open in it."""
         return question_of(_row_of(_rows(self.written.get("channel")), source, signal).get(key)) is not None
 
-    def unmatched(self, signals: frozenset[tuple[str, str]]) -> Iterator[str]:
+    def unmatched(self, sources: Collection[str], signals: frozenset[tuple[str, str]]) -> Iterator[str]:
         """Yield what it has that is in none of the files.
 
         Parameters
         ----------
+        sources
+            Names of the files' sources.
         signals
             Source and name of each signal of the files.
         """
-        sources = {source for source, _ in signals}
+        listed = {source for source, _ in signals}
         for row in self.rows("source"):
             if row.get("name") not in sources:
                 yield f"{self.path.name} has a source {row.get('name')!r}, of which no file is given"
         for row in self.rows("channel"):
-            if row.get("source") in sources and (row.get("source"), row.get("signal")) not in signals:
+            if row.get("source") in listed and (row.get("source"), row.get("signal")) not in signals:
                 channel = f"{self.path.name} has a channel {row.get('name')!r} of the signal {row.get('signal')!r}"
                 yield f"{channel}, which the file of {row.get('source')!r} does not have"
+
+
+def _over(rows: Iterable[Row], answered: Sequence[Row]) -> Iterator[Row]:
+    """Yield rows with what was answered of each, then those of which nothing was stated before."""
+    left = {_identity(one): one for one in answered}
+    for row in rows:
+        more = left.pop(_identity(row), {})
+        merged = {**row, **more}
+        if _table(row.get("sensor")) and _table(more.get("sensor")):
+            merged["sensor"] = {**row["sensor"], **more["sensor"]}
+        yield merged
+    yield from left.values()
+
+
+def _identity(row: Row) -> tuple[Any, ...]:
+    """Return by what a row is known: a channel by its signal, a source by its name."""
+    return (row.get("source"), row["signal"]) if "signal" in row else (row.get("name"),)
 
 
 def _rows(value: Any) -> tuple[Row, ...]:

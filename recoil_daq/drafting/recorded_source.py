@@ -24,7 +24,7 @@ from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations, Reader
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.serial.fitting import MOST_BYTES
-from recoil_acquisition.readers.serial.frame_fields import CLOCK_FIELD
+from recoil_acquisition.readers.serial.frame_fields import CLOCK_FIELD, CLOCK_MODULO, COUNTER_FIELD
 from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from recoil_acquisition.readers.text.proposed_layout import propose_layout
 from recoil_acquisition.typed_quantity import TypedError
@@ -49,9 +49,13 @@ _COUNTS = 0.9
 """Share of the steps of a signal that are one, of a counter."""
 _UNKNOWN_RATE_HZ = 1000.0
 """Frames per second by which the signals of a camera's file are listed that does not state any."""
+_USUAL_TICK_S = 1e-6
+"""Tick of most clocks of inertial sensors, s."""
 PIXELS = ("px", "pixel", "pixels")
 _RATE = Question(
-    "samples per second, as set in the recorder: no line of the file tells", read=a_number("Hz", positive=True)
+    "samples per second, as set in the recorder: no line of the file tells",
+    read=a_number("Hz", positive=True),
+    opens=True,
 )
 """Question for the rate of a table that has no column of time."""
 
@@ -74,6 +78,8 @@ class RecordedSignal:
         Recording that it is read from.
     first
         First sample that is looked at; above zero in a record that is too long to be looked at whole.
+    counts
+        Whether its numbers are whole ones that were found in bytes, whose scale the device's manual tells.
     """
 
     source: str
@@ -85,6 +91,7 @@ class RecordedSignal:
     swing: Swing | None = None
     offset: float = 0.0
     first: int = 0
+    counts: bool = False
 
     @property
     def key(self) -> str:
@@ -199,7 +206,7 @@ def read_source(
     if _layout_of(stated) is not None:
         return (_laid_out_source(path, reader.kind, name, stated),)
     if reader.kind == "can":
-        return (_bus_source(path, reader, name, databases, stated),)
+        return (_bus_source(path, reader, name, _of_bus(databases, stated, other), stated),)
     if reader.kind == "camera":
         return (_camera_source(path, reader, name, stated),)
     return (_opened(reader.open(path, Declarations(name)), name, reader.kind, reader.name),)
@@ -272,8 +279,9 @@ def _opened(recording: Recording, name: str, kind: str, format_name: str, **more
     signals, undated = _signals(recording, name, shot_s)
     if more.get("found_in_bytes"):
         framing = more["tables"]["framing"]
-        own = {framing.get(key, {}).get("field") for key in ("counter", "device_time")} | {CLOCK_FIELD}
-        signals = tuple(one for one in signals if one.name not in own)
+        own = {COUNTER_FIELD, CLOCK_FIELD}
+        whole = {one["name"] for one in framing["fields"] if one["type"] != "f32"}
+        signals = tuple(replace(one, counts=one.name in whole) for one in signals if one.name not in own)
     longest = max((one.sample_count for one in recording.signals), default=0)
     long: tuple[str, ...] = ()
     if longest > MOST_SAMPLES:
@@ -376,22 +384,61 @@ def _bus_source(
     bus = stated.get("bus")
     declared = Declarations(name, bus=bus if isinstance(bus, int | str) else None)
     opened = [(reader.open(path, replace(declared, database=one.text)), one) for one in databases]
-    recording, best = max(opened, key=lambda one: sum(s.sample_count for s in one[0].signals), default=(None, None))
-    if recording is None or best is None or not recording.signals:
+    opened = [one for one in opened if one[0].signals]
+    least = min((_unexplained(recording) for recording, _ in opened), default=0)
+    best = [one for one in opened if _unexplained(one[0]) == least]
+    if not best:
         recording = reader.open(path, replace(declared, database=EMPTY_DATABASE))
         unknown = recording.metadata.get("unknown_identifiers", {})
         shown = ", ".join(f"{key} ({count} frames)" for key, count in list(unknown.items())[:8])
         question = Question(
-            f"file of the bus's messages: DBC, KCD, SYM or ARXML; identifiers in {path.name}: {shown}", read=as_text
+            f"file of the bus's messages: DBC, KCD, SYM or ARXML; identifiers in {path.name}: {shown}",
+            read=as_text,
+            opens=True,
         )
         return _opened(recording, name, "can", reader.name, entries=(Entry("database", question),))
+    if any(_differ(recording, best[0][0]) for recording, _ in best[1:]):
+        names = [database.name for _, database in best]
+        text = f"{' and '.join(names)} explain {path.name} equally well, with other values: write the one of this bus"
+        question = Question(text, read=one_of(names), opens=True)
+        recording = reader.open(path, replace(declared, database=EMPTY_DATABASE))
+        return _opened(recording, name, "can", reader.name, entries=(Entry("database", question),))
+    recording, best_database = best[0]
     unknown = recording.metadata.get("unknown_identifiers", {})
-    entries = [Entry("database", best.name, f"explains {len(recording.signals)} signals of {path.name}")]
+    entries = [Entry("database", best_database.name, f"explains {len(recording.signals)} signals of {path.name}")]
     counters = [one.name for one in recording.signals if _counts(recording, one.name)]
     if counters and "counters" not in stated:
         entries.append(Entry("counters", counters, "goes up by one from message to message: a gap is a lost one"))
-    notes = [f"{path.name}: identifiers that {best.name} does not explain: {', '.join(unknown)}"] if unknown else []
+    notes = (
+        [f"{path.name}: identifiers that {best_database.name} does not explain: {', '.join(unknown)}"]
+        if unknown
+        else []
+    )
     return _opened(recording, name, "can", reader.name, entries=tuple(entries), notes=tuple(notes))
+
+
+def _of_bus(databases: Sequence[Database], stated: Mapping[str, Any], other: OtherRig | None) -> Sequence[Database]:
+    """Return the database that another rig states of a bus, where it is at hand; else all."""
+    name = stated.get("database")
+    if other is None or not isinstance(name, str):
+        return databases
+    path = (other.path.parent / name).resolve()
+    return [one for one in databases if one.path.resolve() == path] or databases
+
+
+def _unexplained(recording: Recording) -> int:
+    """Return the number of a bus's frames that a database does not explain."""
+    return sum(int(count) for count in recording.metadata.get("unknown_identifiers", {}).values())
+
+
+def _differ(one: Recording, other: Recording) -> bool:
+    """Whether two databases make other signals of a bus, in their names, units or values."""
+    if [(s.name, s.unit, s.sample_count) for s in one.signals] != [
+        (s.name, s.unit, s.sample_count) for s in other.signals
+    ]:
+        return True
+    pairs = ((one.read(s.name, 0, MOST_SAMPLES), other.read(s.name, 0, MOST_SAMPLES)) for s in one.signals)
+    return not all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
 
 
 def _counts(recording: Recording, name: str) -> bool:
@@ -420,12 +467,12 @@ def _camera_source(path: Path, reader: Reader, name: str, stated: Mapping[str, A
         recording = reader.open(path, replace(declared, frame_rate_hz=rate_hz or _UNKNOWN_RATE_HZ))
         if rate_hz is None:
             meaning = f"frames per second, as set at the camera: {path.name} has no times; 500 to 1e6"
-            question = Question(meaning, read=a_number("Hz", OF_SOURCE["frame_rate"]))
+            question = Question(meaning, read=a_number("Hz", OF_SOURCE["frame_rate"]), opens=True)
             entries.append(Entry("frame_rate", question))
             dated = False
     if scale is None and any(one.unit.casefold() in PIXELS for one in recording.signals):
         meaning = "millimetres per pixel: from a scale in the plane of the motion; 1e-3 to 50"
-        question = Question(meaning, read=a_number("mm/px", OF_SOURCE["scale_mm_per_px"]))
+        question = Question(meaning, read=a_number("mm/px", OF_SOURCE["scale_mm_per_px"]), opens=True)
         entries.append(Entry("scale_mm_per_px", question))
     return _opened(recording, name, "camera", reader.name, entries=tuple(entries), dated=dated)
 
@@ -457,16 +504,31 @@ def _port(path: Path, reader: Reader, name: str, framing: _Framing) -> RecordedS
     opened = open_port(path, reader, name, table)
     if opened.recording is None:
         meaning = "fields of a frame, from the device's manual: [{ name = .., at = .., type = .., unit = .. }]"
-        fields = Question(meaning, read=a_table("fields", kinds=(list,)))
+        fields = Question(meaning, read=a_table("fields", kinds=(list,)), opens=True)
         return RecordedSource(
             name, "serial", path, reader.name, tables=_framed({**table, "fields": fields}), notes=framing.notes
         )
     more: dict[str, Any] = {"found_in_bytes": framing.found_in_bytes, "notes": framing.notes}
     if opened.lacking:
+        clock = _clock_question(opened.recording) if framing.found_in_bytes else None
         meaning = "frames per second, as set in the device: nothing in the bytes says when a frame was"
-        rate = Question(meaning, read=a_number("Hz", positive=True))
-        table, more["dated"] = {**table, "rate_hz": rate}, False
+        rate = Question(meaning, read=a_number("Hz", positive=True), opens=True)
+        table = {**table, "rate_hz": rate} if clock is None else {**table, "device_time": clock}
+        more["dated"] = False
     return _opened(opened.recording, name, "serial", reader.name, tables=_framed(table), **more)
+
+
+def _clock_question(recording: Recording) -> Question | None:
+    """Ask for a tick of the clock that was found in the bytes; None if none was."""
+    if CLOCK_FIELD not in {one.name for one in recording.signals}:
+        return None
+    step = float(np.median(np.diff(recording.read(CLOCK_FIELD, 0, MOST_SAMPLES))))
+    proposal = {"field": CLOCK_FIELD, "tick_s": _USUAL_TICK_S, "modulo": CLOCK_MODULO}
+    meaning = (
+        f"duration of a tick of the device's clock, which goes up by {step:.6g} from frame to frame: device's manual; "
+        f"of {_USUAL_TICK_S:g} s it makes {1.0 / (_USUAL_TICK_S * step):.6g} frames per second"
+    )
+    return Question(meaning, proposal, a_table("device_time"), opens=True)
 
 
 def _framed(framing: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
@@ -487,9 +549,12 @@ def _table_source(path: Path, name: str, stated: Mapping[str, Any], error: Unkno
         raise error
     if opened.lacking == "rate_hz":
         asked["rate_hz"] = _RATE
+        if proposed.rate_line:
+            meaning = f"samples per second, as line {proposed.rate_line} of the file seems to say"
+            asked["rate_hz"] = replace(_RATE, meaning=meaning, proposal=proposed.rate_hz)
     elif opened.lacking:
         meaning = "unit of the column of time, which the file does not state: s, ms, us, ns, min, h"
-        asked["time_unit"] = Question(meaning, read=one_of(("s", "ms", "us", "ns", "min", "h")))
+        asked["time_unit"] = Question(meaning, read=one_of(("s", "ms", "us", "ns", "min", "h")), opens=True)
     note = f"{path.name}: a table of text that does not say what program wrote it; its layout as found here"
     more: dict[str, Any] = {"tables": {"layout": asked}, "dated": not opened.lacking, "notes": (note,)}
     return _opened(opened.recording, name, "dewetron", reader.name, **more)
@@ -503,7 +568,8 @@ def _captured_sources(
         if source.kind == "serial":
             yield _captured_port(path, reader, source, _stated(path, "serial", other))
         elif source.kind == "can":
-            yield _bus_source(path, reader, source.name, databases, _stated(path, "can", other))
+            stated = _stated(path, "can", other)
+            yield _bus_source(path, reader, source.name, _of_bus(databases, stated, other), stated)
 
 
 def _captured_port(path: Path, reader: Reader, source: CapturedSource, stated: Mapping[str, Any]) -> RecordedSource:
@@ -513,7 +579,7 @@ def _captured_port(path: Path, reader: Reader, source: CapturedSource, stated: M
     framing = _framing_of(stream, path.name, stated.get("framing"), duration_s)
     if framing.table is None:
         meaning = f"framing of the bytes in {path.name}: ready-made, or as the device's manual has it"
-        question = Question(meaning, read=a_table("framing"))
+        question = Question(meaning, read=a_table("framing"), opens=True)
         entries = (Entry("framing", question),)
         return RecordedSource(source.name, "serial", path, reader.name, entries=entries, notes=framing.notes)
     return _port(path, reader, source.name, framing)
@@ -523,9 +589,9 @@ def _framing_of(stream: bytes, file: str, stated: Mapping[str, Any] | None, dura
     """Return the framing of a port's bytes that another rig states, else the one that they seem to have."""
     found = supposed_framing(stream, duration_s)
     if stated is not None:
-        # a framing that was found here, and of which nobody said more since, leaves as much open as it did then
-        as_found = found.found_in_bytes and found.table == stated
-        return _Framing(stated, as_found, (f"{file}: the framing of the other rig",))
+        # fields that were found here, and of which nobody said more since, have as little of a name as they had then
+        as_found = found.table is not None and found.found_in_bytes and found.table["fields"] == stated.get("fields")
+        return _Framing(stated, as_found, (f"{file}: its framing as stated",))
     return _Framing(found.table, found.found_in_bytes, tuple(f"{file}: {one}" for one in found.found))
 
 

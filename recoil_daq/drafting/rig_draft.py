@@ -29,11 +29,14 @@ class Question:
         Value that the evidence speaks for; None if there is none.
     read
         Reads what somebody types in answer to it.
+    opens
+        Whether the files tell more once it is answered.
     """
 
     meaning: str
     proposal: Any = None
     read: Read = field(default=as_toml, repr=False, compare=False)
+    opens: bool = False
 
     def __str__(self) -> str:
         offered = "" if self.proposal is None else f"{_plain(self.proposal)}? "

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from recoil_daq.drafting.recorded_source import RecordedSignal
-from recoil_daq.drafting.role_words import GUN_ROLES, LINE_ROLES, STRONG_WORD, score
+from recoil_daq.drafting.role_words import GUN_ROLES, LINE_ROLES, STRONG_WORD, quantity_by_name, score
 from recoil_processing.swing import (
     DRIVE_S,
     ShotRole,
@@ -154,13 +154,16 @@ def _proposal(
         return RoleProposal(named, True, f"by its name, and {by_shot.reason}{_factor(by_shot)}")
     if by_shot is not None and named:
         return RoleProposal("", False, f"{named} by its name, {by_shot.role} by the shot: {by_shot.reason}")
+    if by_shot is not None and by_shot.lead >= CLEAR_LEAD and _shares_name(signal, by_shot.role, roles):
+        return RoleProposal(by_shot.role, True, f"its part by its name, and {by_shot.reason}{_factor(by_shot)}")
     if by_shot is not None:
-        better = _better_named(by_shot.role, signals)
+        better = _better_named(by_shot.role, signals, roles)
         if better is not None:
             return RoleProposal("", False, f"{by_shot.reason}, but {better.name} has the name of a {by_shot.role}")
         offered = by_shot.role if by_shot.lead >= CLEAR_LEAD else ""
         what = "" if offered else f"{by_shot.role} or its neighbour's: "
-        return RoleProposal(offered, False, f"{what}{by_shot.reason}{_factor(by_shot)}; its name says nothing")
+        says = "the quantity alone" if quantity_by_name(signal.name) == signal.quantity else "nothing"
+        return RoleProposal(offered, False, f"{what}{by_shot.reason}{_factor(by_shot)}; its name says {says}")
     taken = any(one.role == named for one in all_by_shot.values()) and named not in FORCE_SENSOR_ROLES
     moves = signal.swing is not None and signal.swing.moves
     if named and margin >= CLEAR_MARGIN and moves and not taken:
@@ -188,10 +191,16 @@ def _by_name(signal: RecordedSignal, roles: Sequence[str]) -> tuple[str, int]:
     return (role, margin) if best > STRONG_WORD and margin > 0 else ("", 0)
 
 
-def _better_named(role: str, signals: Sequence[RecordedSignal]) -> RecordedSignal | None:
-    """Return the signal that moves and whose name has the words of a role; None if there is none."""
+def _shares_name(signal: RecordedSignal, role: str, roles: Sequence[str]) -> bool:
+    """Whether a name speaks for a role as much as for another one of the same part, and for none more."""
+    points = [score(signal.name, one, signal.quantity) for one in roles]
+    return max(points) == score(signal.name, role, signal.quantity) > STRONG_WORD
+
+
+def _better_named(role: str, signals: Sequence[RecordedSignal], roles: Sequence[str]) -> RecordedSignal | None:
+    """Return the signal that moves and whose name is that of a role; None if there is none."""
     moving = (one for one in signals if one.swing is not None and one.swing.moves)
-    return next((one for one in moving if score(one.name, role, one.quantity) > STRONG_WORD), None)
+    return next((one for one in moving if _by_name(one, roles)[0] == role), None)
 
 
 def _factor(found: ShotRole) -> str:

@@ -24,31 +24,32 @@ class _Words:
 
 _CARRIAGE = r"carriage|lafette|cradle|mount"
 _ACCELERATION = r"acc|beschl|\ba_"
+_ALONG, _ACROSS = r"along|longit|horiz|l(ä|ae)ngs", r"across|vert|hoch|quer|senkr"
 _RATE = r"gyro|rate|omega"
 _WORDS: Mapping[str, _Words] = {
     "recoil_acceleration": _Words(
         {r"recoil|ruecklauf|rücklauf|barrel|rohr": 3, _ACCELERATION: 1}, (r"carriage|lafette|can$|imu",)
     ),
-    "carriage_acceleration_x": _Words({_CARRIAGE: 3, r"x$": 2, _ACCELERATION: 1}, (r"[yz]$",)),
-    "carriage_acceleration_y": _Words({_CARRIAGE: 3, r"y$": 2, _ACCELERATION: 1}, (r"[xz]$",)),
+    "carriage_acceleration_x": _Words({_CARRIAGE: 3, rf"x$|{_ALONG}": 2, _ACCELERATION: 1}, (rf"[yz]$|{_ACROSS}",)),
+    "carriage_acceleration_y": _Words({_CARRIAGE: 3, rf"y$|{_ACROSS}": 2, _ACCELERATION: 1}, (rf"[xz]$|{_ALONG}",)),
     "carriage_rate": _Words({r"carriage|lafette": 3, _RATE: 1}, (r"tipping|wiege|elev",)),
     "tipping_rate": _Words({r"tipping|cradle|wiege|elev": 3, _RATE: 1}, (r"carriage|lafette",)),
     "breech_pressure": _Words(
-        {r"\bp_|press|druck": 1, r"breech|chamber|gas|verschluss|kammer|p_max": 3}, (r"brake|bremse|recup|vorhol",)
+        {r"\bp_|press|druck": 1, r"breech|chamber|gas|verschluss|kammer|p_max": 3}, (r"brake|brems|recup|vorhol",)
     ),
     "brake_pressure": _Words(
-        {r"\bp_|press|druck": 1, r"brake|bremse|buffer": 3}, (r"breech|chamber|verschluss|kammer|recup|vorhol",)
+        {r"\bp_|press|druck": 1, r"brake|brems|buffer": 3}, (r"breech|chamber|verschluss|kammer|recup|vorhol",)
     ),
     "recuperator_pressure": _Words(
-        {r"\bp_|press|druck": 1, r"recup|vorhol|run.?out": 3}, (r"breech|chamber|verschluss|kammer|brake|bremse",)
+        {r"\bp_|press|druck": 1, r"recup|vorhol|run.?out": 3}, (r"breech|chamber|verschluss|kammer|brake|brems",)
     ),
-    "recoil_displacement": _Words({r"travel|weg|recoil|displ|feature|encoder": 3, r"x$": 2}, (r"y$",)),
+    "recoil_displacement": _Words({r"travel|weg|recoil|displ|feature|\bmark|encoder": 3, r"x$": 2}, (r"y$",)),
     "recoil_velocity": _Words({r"vel|speed|geschw|\bv_": 3}),
     "driving_force": _Words(
-        {r"push|driv|thrust|motor|actuator|antrieb|schub": 3, r"\bf_|force|kraft": 1}, (r"brake|bremse|resist|drag",)
+        {r"push|driv|thrust|motor|actuator|antrieb|schub": 3, r"\bf_|force|kraft": 1}, (r"brake|brems|resist|drag",)
     ),
     "resisting_force": _Words(
-        {r"brake|bremse|resist|drag|buffer": 3, r"\bf_|force|kraft": 1}, (r"push|driv|thrust|motor|antrieb|schub",)
+        {r"brake|brems|resist|drag|buffer": 3, r"\bf_|force|kraft": 1}, (r"push|driv|thrust|motor|antrieb|schub",)
     ),
     "trigger": _Words({r"trig|fire|ttl|sync": 4}),
 }
@@ -87,6 +88,20 @@ def score(signal: str, role: str, quantity: str) -> int:
     if max(found, default=0) < STRONG_WORD:
         return 0
     return max(sum(found) + 1 + sum(_AGAINST for pattern in words.against if re.search(pattern, name)), 0)
+
+
+_QUANTITY_WORDS: Mapping[str, str] = {
+    "acceleration": r"acc|beschl", "force": r"force|kraft|load\b|last\b", "pressure": r"press|druck",
+    "velocity": r"veloc|speed|geschw", "displacement": r"displ|travel|weg\b|hub\b",
+}  # fmt: skip
+"""Quantity -> words of it."""
+
+
+def quantity_by_name(signal: str) -> str:
+    """Return the quantity that a name alone speaks for; empty if it speaks for none, or for two."""
+    name = own_part(signal).casefold()
+    found = [quantity for quantity, words in _QUANTITY_WORDS.items() if re.search(words, name)]
+    return found[0] if len(found) == 1 else ""
 
 
 def role_by_name(signal: str) -> str:

@@ -260,6 +260,8 @@ def print_devices(document: Mapping[str, Any]) -> None:
     for one in heard:
         if one["verdict"] != "ok":
             say(f"{one['verdict']}: {one['channel'] or one['source']}: {one['finding']}")
+    failed = sum(one["verdict"] == "fail" for one in heard)
+    say(f"{failed} of {len(heard)} rows fail" if failed else f"devices sound: {len(heard)} rows, none fails")
 
 
 def print_live_demo(document: Mapping[str, Any]) -> None:

@@ -63,11 +63,11 @@ def supposed_framing(stream: bytes, duration_s: float | None = None) -> Supposed
         return SupposedFraming(None if best is None else best.table, False, found, held)
     fields = find_fields(best.table, stream, duration_s)
     if fields is None:
-        return SupposedFraming(best.table, False, found, held)
-    more = f"{len(fields.values)} floating-point values in each frame"
-    more += ", a counter" if fields.counter else ""
-    more += ", the device's clock" if fields.clock else ""
-    return SupposedFraming(fields.framing, True, (*found, more), held)
+        lacking = (
+            "neither values, a counter nor a clock are found in the frames: the device's manual tells the `fields`"
+        )
+        return SupposedFraming(best.table, False, (*found, lacking), held)
+    return SupposedFraming(fields.framing, True, (*found, fields.found), held)
 
 
 @dataclass(frozen=True)

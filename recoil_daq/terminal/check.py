@@ -45,6 +45,23 @@ def print_rig(document: Mapping[str, Any]) -> None:
     for one in document["warnings"]:
         say(f"warning: {one['key']}: {one['problem']}")
     print_assumptions(document)
+    say(_verdict(document))
+
+
+def _verdict(document: Mapping[str, Any]) -> str:
+    """Say of what no fault was found, and what was not looked at: the last line."""
+    channels, warnings = len(document["channels"]), len(document["warnings"])
+    judged = sum(len(file["channels"]) for file in document["files"])
+    files = list(dict.fromkeys(file["file"] for file in document["files"]))
+    of = f"{_counted(channels, 'channel')} of the rig file"
+    if files:
+        of += f", and {judged} of them in {_counted(len(files), 'recorded file')}"
+    rest = "" if files else "; no recorded file was given to hold against it"
+    return f"no fault in {of}{rest}" + (f"; {_counted(warnings, 'warning')}" if warnings else "")
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _number(value: float | None, unit: str | None) -> str:

@@ -37,7 +37,11 @@ def print_draft(document: Mapping[str, Any]) -> None:
         say(f"differs: {difference}")
     open_values, stated = document["open"], document["stated"]
     say(f"{document['file']}: {stated} of {stated + len(open_values)} values stated")
-    if open_values:
+    first = [one["key"] for one in open_values if one["first"]]
+    if first:
+        say(f"write first, in place of TODO, {', '.join(first)}: by them the files tell more of the others")
+        say(f"then the same command with --from {quoted(document['file'])} --overwrite")
+    elif open_values:
         say(f"write the others in place of TODO, then: recoil-daq check {quoted(document['file'])}")
     for sentence in document["lacks"]:
         say(f"lacks: {sentence}")
@@ -110,7 +114,7 @@ class OpenQuestion(Protocol[Answer_co]):
         ...
 
 
-def ask(questions: Sequence[OpenQuestion[AnAnswer]], answers: MutableMapping[KeyPath, AnAnswer]) -> None:
+def ask(questions: Sequence[OpenQuestion[AnAnswer]], answers: MutableMapping[KeyPath, AnAnswer]) -> bool:
     """Ask for each open value at the terminal; Enter takes what is proposed, or leaves it open.
 
     What is no value of its key is said with what would be one, and asked for again.
@@ -120,16 +124,16 @@ def ask(questions: Sequence[OpenQuestion[AnAnswer]], answers: MutableMapping[Key
     answers
         Mapping that gets each answer by its key as it is given; questions left open have none.
 
+    Returns
+    -------
+    bool
+        Whether more may be asked: False behind a full stop.
+
     Raises
     ------
     KeyboardInterrupt
         If whoever is asked ends it; the answers so far are in `answers`.
     """
-    typer.echo(
-        "Enter takes what stands in brackets, or leaves the value open; a full stop leaves all that follow open.\n"
-        "A number may have a decimal comma and a unit, such as 0,86 deg; Ctrl-C writes the answers so far",
-        err=True,
-    )
     for number, one in enumerate(questions, 1):
         typer.echo(visible(f"[{number} of {len(questions)}] {spelled(one.parts)}: {one.question.meaning}"), err=True)
         while True:
@@ -137,7 +141,7 @@ def ask(questions: Sequence[OpenQuestion[AnAnswer]], answers: MutableMapping[Key
             if not text:
                 break
             if text == ".":
-                return
+                return False
             try:
                 answers[one.parts] = answer = one.question.read(text)
             except ValueError as error:
@@ -148,14 +152,23 @@ def ask(questions: Sequence[OpenQuestion[AnAnswer]], answers: MutableMapping[Key
             if answer.doubt:
                 typer.echo(visible(f"   {answer.doubt}"), err=True)
             break
+    return True
+
+
+def print_how_to_answer() -> None:
+    """Say at the terminal how questions are answered."""
+    typer.echo(
+        "Enter takes what stands in brackets, or leaves the value open; a full stop leaves all that follow open.\n"
+        "A number may have a decimal comma and a unit, such as 0,86 deg; Ctrl-C writes the answers so far",
+        err=True,
+    )
 
 
 def _typed(offered: Any) -> str:
     """Return what is typed at the terminal, or what is offered where Enter alone was pressed."""
+    default = "" if offered is None else offered if isinstance(offered, str) else toml_value(offered)
     try:
-        text: str = typer.prompt(
-            "  ", default="" if offered is None else str(offered), show_default=offered is not None, err=True
-        )
+        text: str = typer.prompt("  ", default=default, show_default=offered is not None, err=True)
     except typer.Abort as ended:
         typer.echo(err=True)  # behind ^C
         raise KeyboardInterrupt from ended

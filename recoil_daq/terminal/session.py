@@ -171,12 +171,18 @@ def error_document(error: Exception) -> dict[str, Any]:
     return {"schema": "recoil-daq/error/1", "error": type(error).__name__, **_fields(error)}
 
 
+_A_LOOK = 10
+"""Lines that are seen at once."""
+
+
 def _lines(error: Exception) -> list[str]:
     """One line for one fault; a rig with several gives each its own."""
     from recoil_acquisition.errors import RigError
 
     if isinstance(error, RigError) and len(error.faults) > 1:
-        return [f"error: {error.path}: {error.heading}", *(f"  {fault}" for fault in error.faults)]
+        lines = [f"error: {error.path}: {error.heading}", *(f"  {fault}" for fault in error.faults)]
+        # of a long list the first line is out of sight
+        return [*lines, f"{error.path} is not sound yet: {error.heading}"] if len(lines) > _A_LOOK else lines
     return [f"error: {' '.join(str(error).split())}"]
 
 

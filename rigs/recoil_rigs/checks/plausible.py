@@ -102,6 +102,8 @@ U_LINEARITY = Bounds((0.0, 0.1), (0.0, 0.02), "of full scale (1 % is 0.01)")
 U_AHEAD = Bounds((0.0, 0.5), (0.0, 0.15), "of the breech pressure (1 % is 0.01)")
 GAIN = Bounds((1e-15, 1e15), USUAL_GAIN, "of the recorded value")
 """Gain of a newer calibration; of numbers whose unit the rig states it is the scale, of which nothing is usual."""
+SCALE = Bounds(GAIN.possible, GAIN.possible, "of the channel's unit")
+"""The same where it is the scale."""
 U_SHARE: Mapping[str, Bounds] = MappingProxyType(
     {
         "bore_friction": Bounds((0.0, 0.5), (0.0, 0.05), "of the breech force (1 % is 0.01)"),

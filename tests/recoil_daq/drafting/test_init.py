@@ -369,6 +369,8 @@ def test_a_bus_without_its_database_and_a_camera_without_times_are_asked_for(
         ("DATA.mat", ["cam.csv"], "*.mat"),
         ("a.csv", ["b.csv"], "a.csv"),
         ("run_12.csv", [], "run_{shot}.csv"),
+        ("Bus1_0001.log", ["Messung_0001.csv"], "Bus1_{shot}.log"),
+        ("bus_1_0001.log", ["daq_0001.csv"], "bus_1_{shot}.log"),
     ],
 )
 def test_the_pattern_of_a_file_has_the_shots_number_as_a_place(name: str, others: list[str], pattern: str) -> None:

@@ -18,7 +18,7 @@ from recoil_processing.swing import swing_of
 from recoil_rigs.mechanism.mechanism_parameters import MechanismModel
 from recoil_rigs.rig import Rig, load_rig
 from recoil_rigs.tables.rig_tables import ROLES
-from recoil_rigs.twin import simulate_shot
+from recoil_rigs.twin import TwinShot, simulate_shot
 from tests.builders.shared_data import shared_file
 from tests.builders.virtual_shots import SHORTER, with_twin
 
@@ -228,3 +228,78 @@ def test_a_name_speaks_most_for_the_role_of_its_words(signal: str, role: str) ->
     assert max(points, key=lambda one: points[one]) == role
     assert sorted(points.values())[-1] > sorted(points.values())[-2]
     assert score(signal, role, "temperature") == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("Lafette längs", "carriage_acceleration_x"), ("Lafette quer", "carriage_acceleration_y"),
+        ("acc carriage vertical", "carriage_acceleration_y"), ("cradle_x", "carriage_acceleration_x"),
+    ],
+)  # fmt: skip
+def test_words_for_along_and_across_tell_the_axes_apart(name: str, role: str) -> None:
+    roles = ("carriage_acceleration_x", "carriage_acceleration_y")
+    assert max(roles, key=lambda one: score(name, one, "acceleration")) == role
+    assert len({score(name, one, "acceleration") for one in roles}) == 2
+
+
+def test_a_name_without_an_axis_agrees_with_what_gravity_tells(field_shot: TwinShot, tmp_path: Path) -> None:
+    text = next(one for one in field_shot.files if "dewetron" in one.name).read_text(encoding="utf-8")
+    text = text.replace("acc_carriage_x", "Lafette 1", 1).replace("acc_carriage_y", "Lafette 2", 1)
+    (tmp_path / "0001.csv").write_text(text, encoding="utf-8")
+    roles = draft_rig([tmp_path / "0001.csv"]).roles.by_signal
+    found = {key.rpartition("/")[2]: (one.role, one.certain) for key, one in roles.items() if "Lafette" in key}
+    assert found == {"Lafette 1": ("carriage_acceleration_x", True), "Lafette 2": ("carriage_acceleration_y", True)}
+
+
+def blow(times_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return force, N, acceleration, m/s2, and travel, m, of 40 kg."""
+    rng = np.random.default_rng(3)
+    force = 3000.0 * np.exp(-(((times_s - 0.3) / 0.02) ** 2))
+    step_s = times_s[1] - times_s[0]
+    travel = np.cumsum(np.cumsum(force / 40.0)) * step_s**2
+    return force + rng.normal(0.0, 3.0, force.size), force / 40.0 + rng.normal(0.0, 0.1, force.size), travel
+
+
+def written(path: Path, head: str, *columns: np.ndarray) -> Path:
+    rows = (",".join(f"{one:.5f}" for one in row) for row in np.column_stack(columns).tolist())
+    path.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_a_force_and_a_camera_of_unknown_unit_are_one_body_on_a_line(tmp_path: Path) -> None:
+    times_s = np.arange(4000) / 4000.0
+    force, _, travel = blow(times_s)
+    files = [
+        written(tmp_path / "kraft_0001.csv", "Zeit (s),Kraft (N)", times_s, force),
+        written(tmp_path / "weg_0001.csv", "t,x,y", times_s[::4], 1e3 * travel[::4], 0.01 * np.sin(9.0 * times_s[::4])),
+    ]
+    drafted = draft_rig(files, out=tmp_path / "rig.toml")
+    assert drafted.roles.model is MechanismModel.LINE
+    assert {key: one.role for key, one in drafted.roles.by_signal.items()} == {
+        "recorder: Kraft": "driving_force", "camera: x": "recoil_displacement",
+    }  # fmt: skip
+    asked = {one.parts[-1]: one.question for one in drafted.draft.questions() if "'x'" in str(one.parts[0])}
+    assert asked["quantity"].proposal == "displacement"
+    assert "unit" in asked
+
+
+def test_words_of_quantities_are_taken_for_what_they_say(tmp_path: Path) -> None:
+    times_s = np.arange(4000) / 4000.0
+    force, acceleration, _ = blow(times_s)
+    drafted = draft_rig([written(tmp_path / "a.csv", "Time (s),Load,Acceleration", times_s, force, acceleration)])
+    assert drafted.roles.model is MechanismModel.LINE
+    proposals = {str(one.parts[0]).split("'")[1]: one.question for one in drafted.draft.questions()
+                 if one.parts[-1] == "quantity"}  # fmt: skip
+    assert {name: one.proposal for name, one in proposals.items()} == {"Load": "force", "Acceleration": "acceleration"}
+    assert all(one.reason.endswith("its name says the quantity alone") for one in drafted.roles.by_signal.values())
+    assert not any(one.certain for one in drafted.roles.by_signal.values())
+
+
+def test_files_without_a_shot_and_without_a_pressure_ask_for_a_line(tmp_path: Path) -> None:
+    times_s = np.arange(400) / 400.0
+    still = written(tmp_path / "a.csv", "Time (s),a (m/s2),F (N)", times_s, 0.0 * times_s, 0.0 * times_s)
+    mechanism = tomllib.loads(draft_rig([still]).draft.text())["mechanism"]
+    assert {*mechanism} == {"model", "m3", "phi20", "friction", "u_friction"}
+    still = written(tmp_path / "b.csv", "Time (s),a (m/s2),p (bar)", times_s, 0.0 * times_s, 0.0 * times_s)
+    assert "bore_area" in tomllib.loads(draft_rig([still]).draft.text())["mechanism"]

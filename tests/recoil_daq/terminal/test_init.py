@@ -51,7 +51,7 @@ def test_nonsense_is_asked_again_with_the_limits_and_enter_leaves_a_value_open(
     ask(drafted(files), answers)
     said = capsys.readouterr().err
     assert {key[-1]: answer.value for key, answer in answers.items()} == {"phi20": 0.21}
-    assert "'10430000' must lie between 0.01 and 1e+06 kg, found 1.043e+07; once more" in said
+    assert "'10430000' must lie between 1e-06 and 1e+07 kg, found 1.043e+07; once more" in said
     assert "'10,430' may be thousands or decimals, 10430 or 10.43" in said
     assert "'99' must lie between -1.57 and 1.57 rad" in said
     assert "taken as 0.21 rad" in said

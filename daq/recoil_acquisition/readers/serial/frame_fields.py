@@ -1,7 +1,8 @@
-"""Numbers that frames of an unknown layout seem to hold: a counter, the device's clock, floating-point values.
+"""Numbers that frames of an unknown layout seem to hold: a counter, the device's clock, values, and their byte order.
 
 Only the manual says what they mean. What is found is where they stand, and of what type: a counter goes up by one from
-frame to frame, a clock by nearly the same, and bytes that are no number make values without a size.
+frame to frame, a clock by nearly the same, bytes that are no floating-point number make values without a size, and
+two bytes are a whole number in the order in which it goes from frame to frame by less.
 """
 
 from __future__ import annotations
@@ -27,11 +28,16 @@ _EVEN = 0.05
 _SOUND = 0.98
 """Share of the values that must be numbers of a size that an instrument gives."""
 _SIZES = (1e-7, 1e7)
+_SMOOTHER = 4.0
+"""Factor by which whole numbers go by less from frame to frame in the right order of their bytes."""
 _HEAD_AND_SPACE = 16
 """Bytes in which a counter or a clock may stand: those at the beginning of the frame."""
 
 COUNTER_FIELD, CLOCK_FIELD = "counter", "device_time"
 """Names that the field which counts frames, and that of the device's clock, get."""
+
+CLOCK_MODULO = 1 << 32
+"""Ticks with which that clock begins anew."""
 
 Rows = NDArray[np.uint8]
 
@@ -50,8 +56,8 @@ class FrameFields:
         Name of the field of the device's clock; empty if none is found.
     tick_s
         Duration of a tick of that clock by the host's times; None without these.
-    values
-        Names of the fields that hold values.
+    values, counts
+        Names of the fields that hold floating-point values, and whole numbers whose scale the manual tells.
     """
 
     framing: Mapping[str, Any]
@@ -59,6 +65,17 @@ class FrameFields:
     clock: str
     tick_s: float | None
     values: tuple[str, ...]
+    counts: tuple[str, ...] = ()
+
+    @property
+    def found(self) -> str:
+        """Say what was found in each frame, and what was not, in a few words."""
+        order = f"{self.framing['endian']} endian"
+        kinds = [f"{len(self.values)} floating-point values"] if self.values else []
+        kinds += [f"{len(self.counts)} whole numbers of 16 bits, {order},"] if self.counts else []
+        counter = "a counter" if self.counter else "no counter"
+        clock = "the device's clock" if self.clock else "no clock of the device"
+        return f"{' and '.join(kinds)} in each frame, {counter}, {clock}"
 
 
 def find_fields(framing: Mapping[str, Any], stream: bytes, duration_s: float | None = None) -> FrameFields | None:
@@ -86,17 +103,17 @@ def find_fields(framing: Mapping[str, Any], stream: bytes, duration_s: float | N
     stop = rows.shape[1] - (CHECKSUMS[checksum].size if checksum in CHECKSUMS else 0)
     start = len(bytes.fromhex(framing["sync"]))
     layouts = [_layout(rows, start, stop, order) for order in ("little", "big")]
-    best = max(layouts, key=lambda one: (one.clock_step > 0, one.counter_bytes, len(one.values)))
-    if not best.values:
+    best = max(layouts, key=lambda one: (one.clock_step > 0, one.counter_bytes, one.bytes_of_values))
+    if not best.bytes_of_values:
         return None
     table: dict[str, Any] = {**framing, "endian": best.order, "fields": best.fields}
     if best.counter_bytes:
         table["counter"] = {"field": COUNTER_FIELD, "modulo": 1 << (8 * best.counter_bytes)}
     tick_s = _tick_s(best.clock_step, duration_s, len(rows))
     if tick_s is not None:
-        table["device_time"] = {"field": CLOCK_FIELD, "tick_s": tick_s, "modulo": 1 << 32}
+        table["device_time"] = {"field": CLOCK_FIELD, "tick_s": tick_s, "modulo": CLOCK_MODULO}
     counter, clock = COUNTER_FIELD if best.counter_bytes else "", CLOCK_FIELD if best.clock_step else ""
-    return FrameFields(table, counter, clock, tick_s, best.values)
+    return FrameFields(table, counter, clock, tick_s, best.values, best.counts)
 
 
 @dataclass(frozen=True)
@@ -108,12 +125,19 @@ class _Layout:
     counter_bytes: int
     clock_step: float
     values: tuple[str, ...]
+    counts: tuple[str, ...]
+
+    @property
+    def bytes_of_values(self) -> int:
+        """Number of bytes in which values were found."""
+        return 4 * len(self.values) + 2 * len(self.counts)
 
 
 def _layout(rows: Rows, start: int, stop: int, order: str) -> _Layout:
     """Find the fields of frames, one behind the other."""
     fields: list[dict[str, Any]] = []
     values: list[str] = []
+    counts: list[str] = []
     counter_bytes, clock_step, at = 0, 0.0, start
     while at < stop:
         head = at < _HEAD_AND_SPACE
@@ -127,9 +151,13 @@ def _layout(rows: Rows, start: int, stop: int, order: str) -> _Layout:
             values.append(f"f32_at_{at}")
             fields.append({"name": values[-1], "at": at, "type": "f32"})
             at += 4
+        elif _is_count(rows, at, stop, order) and not (order == "big" and _is_count(rows, at + 1, stop, order)):
+            counts.append(f"i16_at_{at}")
+            fields.append({"name": counts[-1], "at": at, "type": "i16"})
+            at += 2
         else:
             at += 1
-    return _Layout(order, fields, counter_bytes, clock_step, tuple(values))
+    return _Layout(order, fields, counter_bytes, clock_step, tuple(values), tuple(counts))
 
 
 def _rows(framing: Mapping[str, Any], stream: bytes, length: int) -> Rows | None:
@@ -160,7 +188,10 @@ def _counting(rows: Rows, at: int, stop: int, order: str) -> int:
     for size in (4, 2, 1):
         if at + size <= stop:
             steps = _steps(rows, at, size, order)
-            if np.mean(steps == 1) >= _COUNTS:
+            low = rows[1:, at if order == "little" else at + size - 1]
+            carried = steps[low == 0]
+            # a constant byte beside a counter of one byte is no part of it: nothing is carried over into it
+            if np.mean(steps == 1) >= _COUNTS and (size == 1 or (carried.size and np.mean(carried == 1) >= 0.5)):
                 return size
     return 0
 
@@ -181,6 +212,20 @@ def _is_value(rows: Rows, at: int, order: str) -> bool:
     sizes = np.abs(values[np.isfinite(values)])
     sound = np.count_nonzero((sizes == 0) | ((sizes > _SIZES[0]) & (sizes < _SIZES[1])))
     return bool(sound >= _SOUND * values.size and np.unique(values).size > max(FEWEST_ROWS // 4, values.size // 50))
+
+
+def _is_count(rows: Rows, at: int, stop: int, order: str) -> bool:
+    """Return whether a whole number of two bytes stands there: in the other order it would jump from frame to frame.
+
+    A byte that is always the same before the number makes a smooth one with its upper byte as well.
+    """
+    if at + 2 > stop:
+        return False
+    other = "big" if order == "little" else "little"
+    values, turned = (_numbers(rows, at, 2, one, "i").astype(np.int64) for one in (order, other))
+    rough, rough_turned = (float(np.abs(np.diff(one)).mean()) for one in (values, turned))
+    varies = np.unique(values).size > max(FEWEST_ROWS // 4, values.size // 50)
+    return bool(varies and _SMOOTHER * rough < rough_turned)
 
 
 def _tick_s(ticks: float, duration_s: float | None, count: int) -> float | None:

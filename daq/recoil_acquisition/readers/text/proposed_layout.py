@@ -7,6 +7,7 @@ unit, if no other column has a unit of time.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -21,12 +22,23 @@ from recoil_acquisition.readers.text.cells import has_decimal_comma, is_lost, is
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import is_time_of_day, is_wall_clock
+from recoil_acquisition.typed_quantity import TypedError, typed_quantity
 
 _SEPARATORS = ("\t", ";", ",", "|")
 _FEWEST_ROWS = 2
 _TIME = re.compile(
     r"(time|zeit|t|temps|tiempo|timestamp|x[ _-]?axis|elapsed|seconds?|date[ /_]?time)\b.*", re.IGNORECASE
 )
+_RATE = re.compile(
+    r"(?:rate|frequency|freq|frequenz|fs)\b[^\d\n]{0,12}(\d[\d.,]*(?:e[+-]?\d+)?(?:\s*[kM]?(?:Hz|S/s)\b)?)",
+    re.IGNORECASE,
+)
+_STEP = re.compile(
+    r"(?:interval|intervall|increment|period|delta[ _]?[tx]|dt|schrittweite)\b[^\d\n]{0,12}"
+    r"(\d[\d.,]*(?:e[+-]?\d+)?(?:\s*[mun\u00b5\u03bc]?s\b)?)",
+    re.IGNORECASE,
+)
+"""Words of a heading by which samples come so often, or so far apart."""
 _UNITS_S = ("s", "ms", "us", "ns", "min", "h")
 """Units of time that a layout takes."""
 
@@ -45,10 +57,14 @@ class ProposedLayout:
         Keys of ``layout`` as a rig has them.
     lacking
         Keys that it needs beside them and that no line of the file tells, in words.
+    rate_hz, rate_line
+        Samples per second that a line above the table seems to state, and its number from 1; NaN and 0 without one.
     """
 
     table: Mapping[str, Any]
     lacking: tuple[str, ...]
+    rate_hz: float = math.nan
+    rate_line: int = 0
 
     def __str__(self) -> str:
         more = f", and in it {' and '.join(self.lacking)}, which no line tells" if self.lacking else ""
@@ -91,7 +107,7 @@ def propose_layout(lines: Sequence[str]) -> ProposedLayout | None:
     layout["first_row"] = first + 1
     cells = names if units is None else split_cells(lines[units], separator)
     lacking = _add_time(layout, names, cells, rows[0], apart=units is not None)
-    return ProposedLayout(layout, lacking)
+    return ProposedLayout(layout, lacking, *_stated_rate(lines[:first]))
 
 
 def _add_time(
@@ -113,6 +129,21 @@ def _add_time(
     if apart or unit not in TIME_UNITS_S:
         layout["time_unit"] = next(one for one in _UNITS_S if TIME_UNITS_S[one] == seconds)
     return ()
+
+
+def _stated_rate(lines: Sequence[str]) -> tuple[float, int]:
+    """Return the one rate that lines state, Hz, and the number of the first that does; NaN and 0 of none or several."""
+    found: list[tuple[float, int]] = []
+    for number, line in enumerate(lines, 1):
+        for pattern, unit in ((_RATE, "Hz"), (_STEP, "s")):
+            for text in pattern.findall(line):
+                try:
+                    value = typed_quantity(text.rstrip(".,"), unit)
+                except TypedError:
+                    continue
+                if value > 0.0:
+                    found.append((float(f"{value if unit == 'Hz' else 1.0 / value:.9g}"), number))
+    return found[0] if len({rate for rate, _ in found}) == 1 else (math.nan, 0)
 
 
 def _likeness(table: _Rows) -> tuple[float, int, int]:

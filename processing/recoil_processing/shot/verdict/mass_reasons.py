@@ -179,7 +179,13 @@ def _remedy(alignment: ClockAlignment, rig: Rig) -> str:
     delays = [(delay_of(spec, rig.source(spec.source)).u_s, spec) for spec in specs]
     u_s, spec = max(delays, key=lambda one: one[0], default=(0.0, None))
     if spec is None or not u_s**2 > LARGEST_PART * alignment.u_offset_s**2:
-        return "look at both records, or let `align` of its source name another way, before the next shot"
+        compared = getattr(rig.source(alignment.clock).align, "channel", None)
+        unfiltered = [
+            one.name for one in rig.channels
+            if one.name == compared and one.sensor.filter_hz is None and "delay_s" not in one.sensor.model_fields_set
+        ]  # fmt: skip
+        first = f"state `filter_hz` and `delay_s` of {unfiltered[0]}, " if unfiltered else ""
+        return f"{first}look at both records, or let `align` of its source name another way, before the next shot"
     return f"{_undeclared(spec)}: of its delay u is {1e3 * u_s:.2g} ms"
 
 

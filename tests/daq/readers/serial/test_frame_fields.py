@@ -50,6 +50,42 @@ def test_counter_clock_and_values_are_found(order: str, counter: str, size: int)
     assert np.array_equal(series[found.values[1]].values, kept[:, 1].astype(np.float64))
 
 
+def whole_numbers(order: str) -> tuple[bytes, np.ndarray]:
+    """Write frames of an inertial sensor: mark, length, counter, clock, three whole numbers, one constant, CRC."""
+    sign = {"little": "<", "big": ">"}[order]
+    numbers = np.cumsum(RNG.integers(-40, 41, (COUNT, 3)), axis=0) + 200
+    frames = [
+        struct.pack(f"{sign}BBI4h", 18, k % 256, 5_000_000 + 1000 * k, *numbers[k].tolist(), 0) for k in range(COUNT)
+    ]
+    whole = (b"\xa5\x5a" + one + CHECKSUMS["crc16-ccitt-false"].of(one).to_bytes(2, order) for one in frames)
+    return b"".join(whole), numbers
+
+
+@pytest.mark.parametrize("order", ["little", "big"])
+def test_whole_numbers_of_two_bytes_are_found_with_their_byte_order(order: str) -> None:
+    content, numbers = whole_numbers(order)
+    found = find_fields(look_into(content).framings[0].table, content)
+    assert found is not None
+    assert (found.framing["endian"], found.values) == (order, ())
+    assert found.counts == ("i16_at_8", "i16_at_10", "i16_at_12")
+    # the byte of the clock beside it is no part of the counter
+    assert found.framing["counter"] == {"field": "counter", "modulo": 256}
+    assert found.found == f"3 whole numbers of 16 bits, {order} endian, in each frame, a counter, the device's clock"
+    framing = framing_from_table(found.framing)
+    series = {one.field.name: one for one in decode_fields(framing, find_frames(framing, content)).values()}
+    assert np.array_equal(series["i16_at_10"].values, numbers[:, 1])
+    assert np.array_equal(np.diff(series["device_time"].values), np.full(COUNT - 1, 1000.0))
+
+
+def test_a_counter_and_a_clock_that_are_not_there_are_said() -> None:
+    values = np.cumsum(RNG.standard_normal((COUNT, 2)), axis=0).astype(np.float32)
+    bodies = [one.tobytes() for one in values]
+    content = b"".join(b"\xaa\x55" + one + CHECKSUMS["crc16-xmodem"].of(one).to_bytes(2, "big") for one in bodies)
+    found = find_fields(look_into(content).framings[0].table, content)
+    assert found is not None
+    assert found.found == "2 floating-point values in each frame, no counter, no clock of the device"
+
+
 def test_without_the_hosts_times_the_tick_is_not_known() -> None:
     content = stream("little")
     found = find_fields(look_into(content).framings[0].table, content)
