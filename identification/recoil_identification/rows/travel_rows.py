@@ -154,7 +154,7 @@ class ForcedTravel(ReadOnlyArrays):
     def priors(self) -> list[Prior]:
         """Priors of the unknowns that are in no force; those without one are told by the frames alone."""
         known = [
-            (START.name, START.name, U_START_M, self.origin_m),
+            (START.name, START.name, U_START_M, 0.0),
             (ErrorSource(SourceKind.ALIGNMENT, self.clock), LATE.name, self.u_shift_s, 0.0),
             (ErrorSource(SourceKind.CLOCK_RATE, self.clock), RATE.name, self.u_rate, -self.drift),
             *((name, name, self.u_distortion_m / 2**number, 0.0) for number, name in enumerate(DISTORTIONS)),
@@ -253,5 +253,8 @@ class TravelRows:
         )
         given = np.array([values[name] for name in (START.name, LATE.name, RATE.name, *DISTORTIONS)])
         modelled = integrated[:, 0] + added @ given
-        whole = np.column_stack([seen.recorded_m - modelled, integrated[:, 1:], added]) / seen.sigma_m[:, np.newaxis]
+        whole = (
+            np.column_stack([seen.recorded_m - seen.origin_m - modelled, integrated[:, 1:], added])
+            / seen.sigma_m[:, np.newaxis]
+        )
         return whole[:, 0], whole[:, 1:]

@@ -172,7 +172,7 @@ def _fit(
     if t.size < LEAST_FRAMES:
         return f"only {t.size} frames have a position", ()
     marker_sigma = _marker_sigma(displacement_m)
-    if np.ptp(z) < LEAST_TRAVEL_SIGMA * marker_sigma:
+    if not shows_motion(displacement_m):
         span, noise = measured(1e3 * float(np.ptp(z)), "mm", ".3g"), measured(1e3 * marker_sigma, "mm", ".2g")
         return worded("the track does not move: it spans ", span, " at ", noise, " noise"), ()
     model = MotionModel(t, z, 0.5 * float(t[0] + t[-1]), integral, shifted_from_s, kicks_s, u_bend_m)
@@ -230,6 +230,12 @@ def _check(times_s: Array, positions: Array, step_s: float, acceleration: Array,
     for name, value in (("step_s", step_s), ("acceleration_sigma_m_s2", sigma)):
         if not (math.isfinite(value) and value > 0):
             raise ValueError(f"{name} must be positive, not {value}")
+
+
+def shows_motion(displacement_m: Array) -> bool:
+    """Return whether a track moves by more than its noise; frames that were lost are NaN."""
+    seen = displacement_m[np.isfinite(displacement_m)]
+    return bool(np.ptp(seen) >= LEAST_TRAVEL_SIGMA * _marker_sigma(displacement_m)) if seen.size else False
 
 
 def _marker_sigma(displacement_m: Array) -> float:

@@ -143,8 +143,8 @@ def words_of(state: RangeState, look: Look, room: int) -> list[Text]:
         if shot.problem and shot.problem not in texts:
             texts.insert(0, shot.problem)
         if texts:
-            counted = "" if verdict is None else verdict.counted
-            lines.append(line_of(f"shot {visible(shot.name)}: {shot.state}{counted}", "bold"))
+            counted = "" if verdict is None else f"{verdict.without}{verdict.counted}"
+            lines.append(line_of(f"shot {visible(shot.name)}: {shot.state}{visible(counted)}", "bold"))
             for text in texts:
                 lines += wrapped(f"- {text}", look.width, indent=2)
     if not lines:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.measured import worded
 from recoil_acquisition.shot import Check, QualityCheck, Shot
+from recoil_processing.alignment.motion_alignment import shows_motion
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.kinematics import (
@@ -162,7 +163,10 @@ def _dispensable(fired: FiredShot) -> dict[str, str]:
 
 
 def _recorded(channel: Channel) -> bool:
-    return int(np.count_nonzero(np.isfinite(channel.measured))) >= LEAST_SAMPLES
+    """Return whether a channel has samples, and a track a motion: a film of before or behind it shows nothing."""
+    if int(np.count_nonzero(np.isfinite(channel.measured))) < LEAST_SAMPLES:
+        return False
+    return channel.role != "recoil_displacement" or shows_motion(channel.measured)
 
 
 def needs(fired: FiredShot, absent: Sequence[ChannelSpec]) -> bool:

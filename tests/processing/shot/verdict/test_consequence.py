@@ -146,10 +146,11 @@ def test_a_camera_that_did_not_fire_costs_no_more_than_one_that_is_not_there() -
 
 
 @pytest.mark.whole_way
-def test_a_film_without_a_mark_is_as_good_as_none() -> None:
+@pytest.mark.parametrize("sigma_m", [np.nan, 5e-5], ids=["no mark", "no motion"])
+def test_a_film_without_a_mark_or_a_motion_is_as_good_as_none(sigma_m: float) -> None:
     virtual = virtual_shot("mixed")
     camera = virtual.shot.channels["x_camera"]
-    dark = replace(camera, samples=np.full(camera.samples.size, np.nan))
+    dark = replace(camera, samples=sigma_m * np.random.default_rng(1).standard_normal(camera.samples.size))
     failed = tuple(replace(a, status="failed") if a.clock == "camera" else a for a in virtual.shot.alignments)
     shot = replace(virtual.shot, channels={**virtual.shot.channels, "x_camera": dark}, alignments=failed)
     shot = judged(shot, virtual.rig)
