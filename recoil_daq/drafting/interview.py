@@ -73,8 +73,8 @@ class Interview:
             return False
         lost = [path for path in again.left_out if path not in self._drafted.left_out]
         if lost:
-            error = again.left_out[lost[0]]
-            self._refused = (f"by the answers {lost[0].name} is not read: {error.without_path()}",)
+            why = again.left_out[lost[0]].without_path()
+            self._refused = (f"by the answers {lost[0].name} is not read: {why}",)
             return False
         self._drafted = again
         return True

@@ -317,6 +317,11 @@ def _declarations(reader: Reader, path: Path, rig: Rig | None) -> dict[str, Decl
     dict of str to Declarations
         Declarations; keys are sources, or the kind where the rig states nothing of the file.
     """
+    if rig is not None and reader.kind == LIVE:
+        held = {source.name for source in sources_of(read_capture(path))}
+        of_capture = {source.name: rig.declarations(source) for source in rig.sources if source.name in held}
+        if of_capture:
+            return of_capture
     if rig is not None:
         of_kind = [source for source in rig.sources if source.kind == reader.kind]
         fitting = [source for source in rig.matching(path.name) if source.kind == reader.kind] or of_kind

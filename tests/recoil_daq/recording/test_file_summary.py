@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from recoil_acquisition.errors import ReadError
 from recoil_acquisition.extras import CLUSTER, EXTRAS, MDF, NOTEBOOK, PDF, XARRAY, XLSX
 from recoil_acquisition.readers.table import BY_LAYOUT, READERS, TableReader
+from recoil_daq.recording.file_summary import open_recording
+from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import TwinShot
 from tests.builders import mdf_logs
 from tests.builders import vendor_files as build
@@ -329,3 +332,13 @@ def test_a_camera_s_file_without_time_is_shown_by_its_frames(run, tmp_path):
     assert document["metadata"]["frame_rate_hz"] is None
     assert document["notes"][0] == "the file has no time: its source in a rig states `frame_rate`, in Hz"
     assert "frames" in run("show", path).output
+
+
+def test_a_capture_is_opened_by_the_rig_of_its_source(mixed_shot: TwinShot) -> None:
+    capture = next(one for one in mixed_shot.files if one.suffix == ".rdlog")
+    recording = open_recording(capture, load_rig(mixed_shot.rig_file))
+    assert {"gyro_carriage", "acc_x"} <= {one.name for one in recording.signals}
+    with pytest.raises(ReadError, match="expected source = one of 'imu'"):
+        open_recording(capture, load_rig(mixed_shot.rig_file), source="can")
+    with pytest.raises(ReadError, match="which source of this capture"):
+        open_recording(capture, load_rig("field-2013"))

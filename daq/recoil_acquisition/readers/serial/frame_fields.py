@@ -144,7 +144,7 @@ def _layout(rows: Rows, start: int, stop: int, order: str) -> _Layout:
         if head and not counter_bytes and (counter_bytes := _counting(rows, at, stop, order)):
             fields.append({"name": COUNTER_FIELD, "at": at, "type": f"u{8 * counter_bytes}"})
             at += counter_bytes
-        elif head and not clock_step and at + 4 <= stop and (clock_step := _even_step(rows, at, order)):
+        elif head and not clock_step and at + 4 <= stop and (clock_step := _clock_step(rows, at, stop, order)):
             fields.append({"name": CLOCK_FIELD, "at": at, "type": "u32"})
             at += 4
         elif at + 4 <= stop and _is_value(rows, at, order):
@@ -196,13 +196,28 @@ def _counting(rows: Rows, at: int, stop: int, order: str) -> int:
     return 0
 
 
-def _even_step(rows: Rows, at: int, order: str) -> float:
-    """Return the usual step of a clock that stands there, in its ticks; 0 if none does."""
+def _clock_step(rows: Rows, at: int, stop: int, order: str) -> float:
+    """Return the usual step of a clock that stands there, in its ticks; 0 if none does.
+
+    Three of its bytes behind another one go up as evenly, or nearly: that place is none where the next is better.
+    """
+    usual, spread = _even_step(rows, at, order)
+    if usual and at + 5 <= stop:
+        _, next_spread = _even_step(rows, at + 1, order)
+        return 0.0 if next_spread < 0.5 * spread else usual
+    return usual
+
+
+def _even_step(rows: Rows, at: int, order: str) -> tuple[float, float]:
+    """Return the usual step of four bytes whose lowest one varies, and the steps' mean relative distance from it."""
     steps = _steps(rows, at, 4, order)
     usual = float(np.median(steps))
-    if not 1 < usual < 1 << 31:
-        return 0.0
-    return usual if np.mean(np.abs(steps - usual) <= _EVEN * usual) >= _COUNTS else 0.0
+    low = rows[:, at if order == "little" else at + 3]
+    if not 1 < usual < 1 << 31 or np.all(low == low[0]):
+        return 0.0, np.inf
+    # lost frames make steps that are longer, by however much
+    off = np.minimum(np.abs(steps - usual) / usual, 1.0)
+    return (usual, float(off.mean())) if np.mean(off <= _EVEN) >= _COUNTS else (0.0, np.inf)
 
 
 def _is_value(rows: Rows, at: int, order: str) -> bool:

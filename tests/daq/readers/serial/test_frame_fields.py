@@ -51,11 +51,12 @@ def test_counter_clock_and_values_are_found(order: str, counter: str, size: int)
 
 
 def whole_numbers(order: str) -> tuple[bytes, np.ndarray]:
-    """Write frames of an inertial sensor: mark, length, counter, clock, three whole numbers, one constant, CRC."""
+    """Write frames: mark, length, counter, a zero, clock, a state, three whole numbers, one that stays zero, CRC."""
     sign = {"little": "<", "big": ">"}[order]
-    numbers = np.cumsum(RNG.integers(-40, 41, (COUNT, 3)), axis=0) + 200
+    numbers = np.cumsum(RNG.integers(-400, 401, (COUNT, 3)), axis=0) + 200
     frames = [
-        struct.pack(f"{sign}BBI4h", 18, k % 256, 5_000_000 + 1000 * k, *numbers[k].tolist(), 0) for k in range(COUNT)
+        struct.pack(f"{sign}BBBIB4h", 20, k % 256, 0, 5_000_000 + 1000 * k, 7, *numbers[k].tolist(), 0)
+        for k in range(COUNT)
     ]
     whole = (b"\xa5\x5a" + one + CHECKSUMS["crc16-ccitt-false"].of(one).to_bytes(2, order) for one in frames)
     return b"".join(whole), numbers
@@ -67,13 +68,13 @@ def test_whole_numbers_of_two_bytes_are_found_with_their_byte_order(order: str) 
     found = find_fields(look_into(content).framings[0].table, content)
     assert found is not None
     assert (found.framing["endian"], found.values) == (order, ())
-    assert found.counts == ("i16_at_8", "i16_at_10", "i16_at_12")
-    # the byte of the clock beside it is no part of the counter
+    assert found.counts == ("i16_at_10", "i16_at_12", "i16_at_14")
+    # the zero beside it is no part of the counter, nor the state of the first number
     assert found.framing["counter"] == {"field": "counter", "modulo": 256}
     assert found.found == f"3 whole numbers of 16 bits, {order} endian, in each frame, a counter, the device's clock"
     framing = framing_from_table(found.framing)
     series = {one.field.name: one for one in decode_fields(framing, find_frames(framing, content)).values()}
-    assert np.array_equal(series["i16_at_10"].values, numbers[:, 1])
+    assert np.array_equal(series["i16_at_12"].values, numbers[:, 1])
     assert np.array_equal(np.diff(series["device_time"].values), np.full(COUNT - 1, 1000.0))
 
 
