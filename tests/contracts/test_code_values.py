@@ -38,11 +38,11 @@ VALUES: dict[type[StrEnum], str] = {
         "loss, log fault, damaged entries, unknown entries, not increasing, late stamps, other starts, other count"
     ),
     Check: (
-        "file, file names, reader, missing frames, stream, delivery, connection, kernel drops, damaged "
+        "file, file names, reader, missing frames, stream, late stamps, delivery, connection, kernel drops, damaged "
         "entries, error frames, unanswered, pre-time, trigger, journal, clock fit, clock steps, clock stamps, "
-        "alignment, losses, constant, range, flat tops, held values, time steps, baseline, steady baseline, "
+        "alignment, losses, constant, overflow, range, flat tops, held values, time steps, baseline, steady baseline, "
         "level after, filtered noise, hum, out of band, aliasing, spectral gap, shock response, polarity, "
-        "calibration, set aside, frame rate, lost frames, pictures, distance, repeated frames, held ends, "
+        "calibration, sensor, set aside, frame rate, lost frames, pictures, distance, repeated frames, held ends, "
         "marker noise, jumps, battery, peak locking, residual, onset, second sensor, velocity, carriage, "
         "force, force sign, impulse, braking, zero shift, skew, rest to rest, other"
     ),

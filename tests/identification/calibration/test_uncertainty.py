@@ -9,11 +9,11 @@ from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.uncertainty import contributions, corrected_mass, note_on_cutoff, other_cutoffs
 from recoil_identification.estimate.budget import BudgetRow
-from recoil_identification.estimate.mass import LEAST_ROWS, MassEstimate
+from recoil_identification.estimate.mass import MassEstimate
 from recoil_identification.rows.causes import SKEW, causes_of, moving_zero
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.gauge_zero import zero_moves
-from recoil_processing.shot.regression import Regression, spaced_rows
+from recoil_processing.shot.regression import LEAST_ROWS, Regression, spaced_rows
 from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_regression, bench_rig, bench_shot, bench_signals
 from tests.builders.calibrations import a_calibration
