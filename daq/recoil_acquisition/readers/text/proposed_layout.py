@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 
 from recoil_acquisition.files.bounded_toml import toml_value
 from recoil_acquisition.quantity import find_unit
-from recoil_acquisition.readers.text.cells import has_decimal_comma, is_lost, is_number, split_cells, split_unit
+from recoil_acquisition.readers.text.cells import BLANKS, has_decimal_comma, is_lost, is_number, split_cells, split_unit
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import is_time_of_day, is_wall_clock
@@ -69,6 +69,8 @@ def propose_layout(lines: Sequence[str]) -> ProposedLayout | None:
         Layout of the table; None if the lines hold no table of numbers.
     """
     found = [one for separator in _SEPARATORS if (one := _rows(lines, separator)) is not None]
+    # every separator may have blanks about it
+    found = found or [one for one in (_rows(lines, BLANKS),) if one is not None]
     if not found:
         return None
     separator, first, width, rows = max(found, key=_likeness)
