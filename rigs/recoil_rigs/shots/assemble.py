@@ -32,6 +32,7 @@ __all__ = [
     "shown_unit",
     "si_line",
     "unit_of",
+    "unknown_unit",
 ]
 
 Array = NDArray[np.float64]
@@ -99,7 +100,10 @@ def find_signal(recording: Recording, name: str) -> SignalHeader:
 
 
 def unit_of(spec: ChannelSpec, header: SignalHeader, source: Source, path: Path, faults: list[Fault]) -> Unit | None:
-    """Return the unit of the file's numbers: as the file states it, else as the rig does; they may not contradict."""
+    """Return the unit of the file's numbers: as the file states it, else as the rig does; they may not contradict.
+
+    What is no known unit states none.
+    """
 
     def contradiction(problem: str, code: FaultCode = FaultCode.UNIT) -> None:
         faults.append(Fault((Row("channel", spec.name), "unit"), problem, code))
@@ -118,13 +122,16 @@ def unit_of(spec: ChannelSpec, header: SignalHeader, source: Source, path: Path,
         else:
             return Unit(frozenset({"displacement"}), 1e-3 * source.scale_mm_per_px)
         return None
+    unknown = f"{path.name} has {spec.signal!r} in {stated!r}, which is no known unit"
+    if unknown_unit(spec, header):
+        stated = ""
     spelling = stated or spec.unit
     if spelling is None:
         contradiction(f"is needed: {path.name} states no unit for {spec.signal!r}", FaultCode.MISSING)
         return None
     unit = find_unit(spelling)
     if unit is None:
-        contradiction(f"{path.name} has {spec.signal!r} in {spelling!r}, which is no known unit")
+        contradiction(f"{unknown}: declare `unit`, or the source's `layout` where the file is read wrongly")
         return None
     from_chain = chain_applies(spec, unit)
     declared = find_unit(spec.unit) if spec.unit is not None else None
@@ -137,6 +144,11 @@ def unit_of(spec: ChannelSpec, header: SignalHeader, source: Source, path: Path,
         contradiction(f"{path.name} has {spec.signal!r} in {spelling!r}, which is no unit of {spec.quantity}")
         return None
     return unit
+
+
+def unknown_unit(spec: ChannelSpec, header: SignalHeader) -> bool:
+    """Return whether a file states what is no known unit, so that the rig's counts."""
+    return spec.unit is not None and bool(header.unit.strip()) and find_unit(header.unit.strip()) is None
 
 
 def _is_pixels(spelling: str) -> bool:

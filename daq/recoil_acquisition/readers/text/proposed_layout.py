@@ -7,6 +7,7 @@ unit, if no other column has a unit of time.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -24,9 +25,19 @@ from recoil_acquisition.readers.time.wall_clock import is_time_of_day, is_wall_c
 
 _SEPARATORS = ("\t", ";", ",", "|")
 _FEWEST_ROWS = 2
+_LEAST_STEP_S = 1e-12
 _TIME = re.compile(
     r"(time|zeit|t|temps|tiempo|timestamp|x[ _-]?axis|elapsed|seconds?|date[ /_]?time)\b.*", re.IGNORECASE
 )
+_NUMBER = r"([0-9]{0,15}\.?[0-9]{1,15}(?:[eE][+-]?[0-9]{1,3})?)"
+_STEP = re.compile(
+    rf"\W*(?:interval|dt|delta[ _]?[tx]|sampl\w*[ _](?:interval|period|time))\b[^0-9a-z]*{_NUMBER}\W*(s|ms|us)?\b.*",
+    re.IGNORECASE,
+)
+_RATE_HZ = re.compile(
+    rf"\W*(?:sampl\w*|update|output)[ _]?(?:rate|frequency)\b[^0-9]*{_NUMBER} *([km]?)Hz\b.*", re.IGNORECASE
+)
+"""Lines of a head that tell the step of time, or the rate."""
 _UNITS_S = ("s", "ms", "us", "ns", "min", "h")
 """Units of time that a layout takes."""
 
@@ -93,6 +104,9 @@ def propose_layout(lines: Sequence[str]) -> ProposedLayout | None:
     layout["first_row"] = first + 1
     cells = names if units is None else split_cells(lines[units], separator)
     lacking = _add_time(layout, names, cells, rows[0], apart=units is not None)
+    rate_hz = _rate_hz(lines[:first]) if "time_column" not in layout else None
+    if rate_hz is not None:
+        layout["rate_hz"], lacking = rate_hz, ()
     return ProposedLayout(layout, lacking)
 
 
@@ -117,6 +131,16 @@ def _add_time(
     return ()
 
 
+def _rate_hz(head: Sequence[str]) -> float | None:
+    """Return the rate that the lines of a head tell, Hz; None if none does, or they tell several."""
+    steps = [(found, TIME_UNITS_S[(found[2] or "s").casefold()]) for line in head if (found := _STEP.fullmatch(line))]
+    rates = {1.0 / (float(found[1]) * unit_s) for found, unit_s in steps if float(found[1]) > _LEAST_STEP_S}
+    scale = {"": 1.0, "k": 1e3, "m": 1e6}
+    rates |= {float(found[1]) * scale[found[2].casefold()] for line in head if (found := _RATE_HZ.fullmatch(line))}
+    told = {float(f"{rate:.12g}") for rate in rates if 0.0 < rate < math.inf}
+    return told.pop() if len(told) == 1 else None
+
+
 def _likeness(table: _Rows) -> tuple[float, int, int]:
     """Return how much a reading of lines is a table: few of its cells are text, and it is wide and begins early."""
     _, first, width, rows = table
@@ -133,10 +157,19 @@ def _rows(lines: Sequence[str], separator: str) -> _Rows | None:
             continue
         following = [one for one, is_sound in zip(cells[first:], sound[first:], strict=True) if is_sound]
         alike = list(takewhile(partial(_is_as_wide, row), following))
+        # other lines of the head may follow
+        below = alike[max(1, len(alike) // 2) :]
+        if any(map(_heads, row, zip(*below, strict=True))):
+            continue
         if len(alike) >= min(_FEWEST_ROWS, len(following)) and len(following) >= _FEWEST_ROWS:
             width = len(row) - (len(row) > 2 and all(not one[-1] for one in alike))
             return separator, first, width, alike[:LOOKED_AT]
     return None
+
+
+def _heads(cell: str, below: Sequence[str]) -> bool:
+    """Return whether a cell names something where no row below does: its line is of a head that is as wide as they."""
+    return _names(cell) and not is_lost(cell) and not any(map(_names, below))
 
 
 def _is_as_wide(row: Sequence[str], other: Sequence[str]) -> bool:
@@ -161,6 +194,8 @@ def _line_above(lines: Sequence[str], separator: str, below: int, width: int) ->
         cells = split_cells(lines[at], separator)
         while len(cells) > width and not cells[-1]:
             cells.pop()
+        if _is_row(cells) and _names(cells[0]):
+            continue  # a line of a head that labels its numbers
         return at if len(cells) == width and any(map(_names, cells)) and not _is_row(cells) else None
     return None
 
@@ -173,9 +208,13 @@ def _bare(cell: str) -> str:
     return re.sub(r"^[\[(](.*)[\])]$", r"\1", cell).strip()
 
 
+def _is_unit(bare: str) -> bool:
+    return not bare or bare == "-" or find_unit(bare) is not None or bare.casefold() in TIME_UNITS_S
+
+
 def _are_units(cells: Sequence[str]) -> bool:
     """Return whether all cells of a line are units, some of them more than a dash."""
     bare = [_bare(cell) for cell in cells]
-    return all(
-        not one or one == "-" or find_unit(one) is not None or one.casefold() in TIME_UNITS_S for one in bare
-    ) and any(sign.isalpha() for one in bare for sign in one)
+    # the first may be the label of the line
+    bare = bare if len(bare) < 3 or _is_unit(bare[0]) else bare[1:]
+    return all(map(_is_unit, bare)) and any(sign.isalpha() for one in bare for sign in one)
