@@ -21,7 +21,16 @@ from recoil_daq.terminal.result import Progress
 from recoil_processing.quality.limits import LIMITS
 from recoil_rigs.checks.plausible import unusual_peak
 from recoil_rigs.rig import ChannelSpec, Rig, Source, load_rig
-from recoil_rigs.shots.assemble import chain_applies, find_signal, range_si, shown_unit, si_line, unit_of
+from recoil_rigs.shots.assemble import (
+    about_unknown_unit,
+    chain_applies,
+    find_signal,
+    range_si,
+    shown_unit,
+    si_line,
+    unit_of,
+    unknown_unit,
+)
 from recoil_rigs.shots.assumptions import assumption_notes, assumptions_of
 from recoil_rigs.shots.can_signals import faults_of_can_signals, shared_names
 from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
@@ -222,6 +231,9 @@ class _AgainstFiles:
             self._faults.append(_fault_of_file(recording.path, error, (*key, "signal")))
             return row
         unit = unit_of(spec, header, source, recording.path, self._faults)
+        if unit is not None and unknown_unit(spec, header):
+            text = about_unknown_unit(spec, header, recording.path)
+            self.warnings.append(Fault((*key, "unit"), text, FaultCode.UNIT))
         if unit is not None and unit.is_absolute_pressure:
             self.absolute.append(spec.name)
         rate_hz = base.rate_hz if math.isfinite(base.rate_hz) else None

@@ -22,6 +22,7 @@ from recoil_rigs.rig import ChannelSpec, Rig, Source
 from recoil_rigs.tables.rig_tables import range_si
 
 __all__ = [
+    "about_unknown_unit",
     "assemble_channels",
     "chain_applies",
     "find_signal",
@@ -149,6 +150,14 @@ def unit_of(spec: ChannelSpec, header: SignalHeader, source: Source, path: Path,
 def unknown_unit(spec: ChannelSpec, header: SignalHeader) -> bool:
     """Return whether a file states what is no known unit, so that the rig's counts."""
     return spec.unit is not None and bool(header.unit.strip()) and find_unit(header.unit.strip()) is None
+
+
+def about_unknown_unit(spec: ChannelSpec, header: SignalHeader, path: Path) -> str:
+    """Return the warning of a unit that is none: what counts, and what to do if it is wrong."""
+    return (
+        f"{path.name} has {header.name!r} in {header.unit.strip()!r}, which is no known unit: the rig's {spec.unit!r} "
+        "counts; if the file is read wrongly, declare the source's `layout`"
+    )
 
 
 def _is_pixels(spelling: str) -> bool:

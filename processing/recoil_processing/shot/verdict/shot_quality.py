@@ -33,6 +33,7 @@ from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, check_
 from recoil_processing.shot.verdict.consequence import weighed
 from recoil_processing.shot.verdict.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.assemble import about_unknown_unit, unknown_unit
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.calibration_day import CalibrationDay
 
@@ -76,6 +77,7 @@ def check_shot(
             checks += _file_checks(source.name, recordings[source.name])
             if source.kind == "camera":
                 checks += check_frames(source, recordings[source.name])
+    checks += _unknown_units(fired.rig, recordings)
     checks += _file_names(recordings)
     essential = {c.source for c in fired.rig.channels if c.role}
     checks += check_acquisition(fired.shot.acquisition, recordings, essential)
@@ -166,6 +168,17 @@ def _file_checks(source: str, recording: Recording) -> list[QualityCheck]:
     if recording.incomplete:
         checks.insert(0, QualityCheck(source, Check.FILE, "warn", f"was cut off: {recording.incomplete}"))
     return checks
+
+
+def _unknown_units(rig: Rig, recordings: Mapping[str, Recording]) -> list[QualityCheck]:
+    """Whether files state units that are none, so that those of the rig count."""
+    return [
+        QualityCheck(spec.name, Check.READER, "warn", about_unknown_unit(spec, header, recordings[spec.source].path))
+        for spec in rig.channels
+        if spec.source in recordings
+        for header in recordings[spec.source].signals
+        if header.name == spec.signal and unknown_unit(spec, header)
+    ]
 
 
 def _file_names(recordings: Mapping[str, Recording]) -> list[QualityCheck]:
