@@ -47,7 +47,7 @@ class CountedRows:
 
 
 def counted_rows(counts: NDArray[np.float64]) -> CountedRows | None:
-    """Number rows by a column.
+    """Return the rows as a column numbers them.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import recoil_daq
-from recoil_acquisition.errors import ReadError, RecoilDaqError, RigError
+from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import recognise

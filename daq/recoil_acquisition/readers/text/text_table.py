@@ -141,7 +141,7 @@ class TextBlock:
         return count, last
 
     def text(self, piece: RowRange) -> bytes:
-        r"""Read a piece, its last row ended, ``\r`` for ``\n`` where that alone ends lines, blanks that part cells single."""
+        r"""Read a piece: its last row ended, ``\r`` as ``\n`` where that alone ends lines, one blank between cells."""
         raw = self.file.read(piece.start, piece.stop)
         if not raw.endswith(self.file.line_end):
             raw += self.file.line_end

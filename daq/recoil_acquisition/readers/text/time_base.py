@@ -188,8 +188,8 @@ def _by_counter(
     jumps = counted.jumps
     places = "1 place" if jumps.size == 1 else f"{jumps.size} places"
     text = (
-        f"{name} counts the rows and jumps in {places}, first behind line {first_line + int(jumps[0])}: {counted.missing} "
-        "rows are missing, and instants follow it"
+        f"{name} counts the rows and jumps in {places}, first behind line {first_line + int(jumps[0])}: "
+        f"{counted.missing} rows are missing, and instants follow it"
     )
     times_s = whole.start_s + counted.numbers * whole.step_s
     return TimeBase.stamped(clock, times_s, source.start), (note, Note(NoteCode.LOST, name, text))
