@@ -27,6 +27,7 @@ from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.checks.plausible import unusual_peak
 from recoil_rigs.rig import ChannelSpec, Rig, Source, load_rig
 from recoil_rigs.shots.assemble import (
+    about_unknown_unit,
     assemble_channels,
     chain_applies,
     find_signal,
@@ -34,6 +35,7 @@ from recoil_rigs.shots.assemble import (
     shown_unit,
     si_line,
     unit_of,
+    unknown_unit,
 )
 from recoil_rigs.shots.assumptions import assumption_notes, assumptions_of
 from recoil_rigs.shots.can_signals import faults_of_can_signals, shared_names
@@ -269,6 +271,9 @@ class _AgainstFiles:
             self._faults.append(_fault_of_file(recording.path, error, (*key, "signal")))
             return row
         unit = unit_of(spec, header, source, recording.path, self._faults)
+        if unit is not None and unknown_unit(spec, header):
+            text = about_unknown_unit(spec, header, recording.path)
+            self.warnings.append(Fault((*key, "unit"), text, FaultCode.UNIT))
         if unit is not None and unit.is_absolute_pressure:
             self.absolute.append(spec.name)
         rate_hz = base.rate_hz if math.isfinite(base.rate_hz) else None

@@ -161,7 +161,7 @@ _MDF3 = rb"(?s)(MDF     |UnFinMF )[23]\.\d.{53}"
 READERS: tuple[Reader, ...] = (
     TableReader(
         "Dewesoft text export", "dewetron", (".csv", ".txt"), "text.dewesoft:DewesoftTextReader",
-        (r'(?im)^(?:[^\S\n]|")*time|waterfall|/orders? \(',),
+        (r'(?im)^(?:[^\S\n]|")*time|waterfall|/orders? \(', r'(?m)^[^()\n,;\t]*\((?:s|ms|us|µs)\)"?[,;\t]'),
     ),
     TableReader(
         "Dewesoft recording", "dewetron", (".dxd", ".d7d"), "dewesoft.native:DewesoftReader",

@@ -22,6 +22,7 @@ from recoil_rigs.rig import ChannelSpec, Rig, Source
 from recoil_rigs.tables.rig_tables import range_si
 
 __all__ = [
+    "about_unknown_unit",
     "assemble_channels",
     "chain_applies",
     "find_signal",
@@ -32,6 +33,7 @@ __all__ = [
     "shown_unit",
     "si_line",
     "unit_of",
+    "unknown_unit",
 ]
 
 Array = NDArray[np.float64]
@@ -99,7 +101,10 @@ def find_signal(recording: Recording, name: str) -> SignalHeader:
 
 
 def unit_of(spec: ChannelSpec, header: SignalHeader, source: Source, path: Path, faults: list[Fault]) -> Unit | None:
-    """Return the unit of the file's numbers: as the file states it, else as the rig does; they may not contradict."""
+    """Return the unit of the file's numbers: as the file states it, else as the rig does; they may not contradict.
+
+    What is no known unit states none.
+    """
 
     def contradiction(problem: str, code: FaultCode = FaultCode.UNIT) -> None:
         faults.append(Fault((Row("channel", spec.name), "unit"), problem, code))
@@ -118,13 +123,16 @@ def unit_of(spec: ChannelSpec, header: SignalHeader, source: Source, path: Path,
         else:
             return Unit(frozenset({"displacement"}), 1e-3 * source.scale_mm_per_px)
         return None
+    unknown = f"{path.name} has {spec.signal!r} in {stated!r}, which is no known unit"
+    if unknown_unit(spec, header):
+        stated = ""
     spelling = stated or spec.unit
     if spelling is None:
         contradiction(f"is needed: {path.name} states no unit for {spec.signal!r}", FaultCode.MISSING)
         return None
     unit = find_unit(spelling)
     if unit is None:
-        contradiction(f"{path.name} has {spec.signal!r} in {spelling!r}, which is no known unit")
+        contradiction(f"{unknown}: declare `unit`, or the source's `layout` where the file is read wrongly")
         return None
     from_chain = chain_applies(spec, unit)
     declared = find_unit(spec.unit) if spec.unit is not None else None
@@ -137,6 +145,19 @@ def unit_of(spec: ChannelSpec, header: SignalHeader, source: Source, path: Path,
         contradiction(f"{path.name} has {spec.signal!r} in {spelling!r}, which is no unit of {spec.quantity}")
         return None
     return unit
+
+
+def unknown_unit(spec: ChannelSpec, header: SignalHeader) -> bool:
+    """Return whether a file states what is no known unit, so that the rig's counts."""
+    return spec.unit is not None and bool(header.unit.strip()) and find_unit(header.unit.strip()) is None
+
+
+def about_unknown_unit(spec: ChannelSpec, header: SignalHeader, path: Path) -> str:
+    """Return the warning of a unit that is none: what counts, and what to do if it is wrong."""
+    return (
+        f"{path.name} has {header.name!r} in {header.unit.strip()!r}, which is no known unit: the rig's {spec.unit!r} "
+        "counts; if the file is read wrongly, declare the source's `layout`"
+    )
 
 
 def _is_pixels(spelling: str) -> bool:

@@ -1,7 +1,6 @@
 """Small files that show what public bug reports describe: each gives its right values, or says rightly why it does not.
 
-A file is read as `show` and `ingest` read it. What is refused is refused by a sentence with the true cause. Files that
-do not do so yet stand in a table of their own, with what they give today.
+A file is read as `show` and `ingest` read it. What is refused is refused by a sentence with the true cause.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import numpy as np
 import pytest
 
 import recoil_daq
-from recoil_acquisition.errors import ReadError, RecoilDaqError, RigError
+from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import recognise
@@ -63,22 +62,6 @@ class Refused:
     rig: str | None = None
     error: type[RecoilDaqError] = ReadError
     not_because: tuple[str, ...] = field(default=("damaged",))
-
-
-@dataclass(frozen=True)
-class Open:
-    """A file that is not right yet.
-
-    Attributes
-    ----------
-    wrong
-        What is wrong, in a sentence.
-    today
-        What it gives as long as it is.
-    """
-
-    wrong: str
-    today: Right | Refused
 
 
 G = "g"
@@ -334,29 +317,20 @@ FILES: dict[str, Right | Refused] = {
         },
         said=("^p: 1 of 10 rows holds a sample, from row 1 on: that is its rate, no loss $",),
     ),
+    "xsens_gap.txt": Right(
+        {
+            "Counter": Signal([1e-2 * k for k in COUNTED], [2552.0 + k for k in COUNTED]),
+            "Acc_X": Signal([1e-2 * k for k in COUNTED], [float(k) for k in COUNTED]),
+            "Acc_Y": Signal([1e-2 * k for k in COUNTED], [0.0] * 170),
+            "Acc_Z": Signal([1e-2 * k for k in COUNTED], [9.81] * 170),
+        },
+        said=("Counter counts the rows and jumps in 1 place, first behind line 55: 30 rows are missing",),
+        rig="xsens_gap.toml",
+    ),
+    "np_default.txt": Right({"acc": Signal(ms(count=200), sines(200, step=0.05), G)}, rig="np_default.toml"),
 }
 """Whether a file is read or refused, and what it then holds or why."""
 
-OPEN: dict[str, Open] = {
-    "xsens_gap.txt": Open(
-        "the counter jumps by 30 behind row 50, and what follows is 0.3 s early without a word",
-        Right(
-            {
-                "Counter": Signal(ms(step=10, count=170), [2552.0 + k for k in COUNTED]),
-                "Acc_X": Signal(ms(step=10, count=170), [float(k) for k in COUNTED]),
-                "Acc_Y": Signal(ms(step=10, count=170), [0.0] * 170),
-                "Acc_Z": Signal(ms(step=10, count=170), [9.81] * 170),
-            },
-            said=("^time is the row number over 100 Hz, declared by the rig $",),
-            rig="xsens_gap.toml",
-        ),
-    ),
-    "np_default.txt": Open(
-        "a layout takes no blank as its separator, and nothing says what to do with such a table",
-        Refused((r"layout\.separator: must be one of .*, found ' '",), rig="np_default.toml", error=RigError),
-    ),
-}
-"""What is wrong of a file today; one that is mended moves to `FILES`."""
 FIRST_OF_BIT_FIELDS = {
     "u12le_b3": 2143, "s12le_b3": -1953, "u12be_b3": 3864, "s13be_b1": -153, "u24be": 16302782, "s24le": -4275464,
     "s5be": -2,
@@ -421,15 +395,6 @@ def test_a_reported_file_gives_its_right_values_or_is_refused_by_its_true_cause(
     assert_gives(name, FILES[name])
 
 
-@pytest.mark.parametrize("name", OPEN)
-def test_a_reported_file_that_is_open_is_wrong_in_the_way_that_is_told(name: str) -> None:
-    one = OPEN[name]
-    try:
-        assert_gives(name, one.today)
-    except (AssertionError, RecoilDaqError, pytest.fail.Exception) as changed:
-        pytest.fail(f"{name} changed: if this is mended, move it to FILES: {one.wrong} ({changed})")
-
-
 def test_bit_fields_at_odd_bits_keep_their_values() -> None:
     recording = opened("mdf_bits.mf4")
     for name, first in FIRST_OF_BIT_FIELDS.items():
@@ -440,8 +405,6 @@ def test_bit_fields_at_odd_bits_keep_their_values() -> None:
 
 
 def test_the_tables_name_every_file_of_the_folder() -> None:
-    assert not set(FILES) & set(OPEN)
-    all_of_them = [*FILES.values(), *(one.today for one in OPEN.values())]
-    beside = {name for one in all_of_them for name in (one.database, one.rig) if name is not None}
+    beside = {name for one in FILES.values() for name in (one.database, one.rig) if name is not None}
     files = {path.name for path in shared_file("reports").iterdir()}
-    assert files == {*FILES, *OPEN, *beside, "mdf_bits.mf4", "one_can.toml", "MANIFEST.md"}
+    assert files == {*FILES, *beside, "mdf_bits.mf4", "one_can.toml", "MANIFEST.md"}

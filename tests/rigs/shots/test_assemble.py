@@ -99,7 +99,7 @@ def test_a_temperature_has_an_offset():
     ("declared", "stated", "problem"),
     [
         ("MPa", "bar", "the rig says 'MPa', file.csv says 'bar' for 'AI 1/p'"),
-        (None, "furlong", "in 'furlong', which is no known unit"),
+        (None, "furlong", "in 'furlong', which is no known unit: declare `unit`, or the source's `layout`"),
         (None, "", "is needed: file.csv states no unit for 'AI 1/p'"),
         (None, "m/s2", "in 'm/s2', which is no unit of pressure"),
         (None, "V", "in 'V', which is no unit of pressure"),
@@ -113,6 +113,11 @@ def test_a_unit_that_contradicts_or_is_not_known_is_a_fault_of_the_rig(declared,
     (fault,) = caught.value.faults
     assert fault.key == "channel 'p'.unit"
     assert problem in fault.problem
+
+
+def test_a_unit_that_is_none_leaves_it_to_the_rig():
+    channel = read(rig_of('unit = "MPa"'), "Analog 1", (2.0,))
+    assert channel.samples[0] == pytest.approx(2e6)
 
 
 def test_all_contradictions_are_reported_at_once():

@@ -24,6 +24,8 @@ OVERLOAD_WORDS = (
 )  # fmt: skip
 """Words, in any case and with either sign, by which meters and recorders say that the input was beyond their range."""
 
+BLANKS = " "
+"""Separator that any number of blanks is: there are no empty cells between them."""
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
 _MOST_DIGITS = 15
 """Digits of a whole number that a file counts by, which float64 holds too; Python refuses to read some thousands."""
@@ -54,7 +56,9 @@ spreadsheets what has no value."""
 
 
 def split_cells(line: str, separator: str) -> list[str]:
-    """Split one line into stripped cells; quotes around a cell are taken off."""
+    """Split one line into stripped cells; quotes around a cell are taken off. Any number of blanks is one separator."""
+    if separator == BLANKS:
+        return [quoted.strip('"') for quoted in re.findall(r'"[^"]*"|[^\s"]+', line)] or [""]
     if '"' not in line:
         return [cell.strip() for cell in line.split(separator)]
     try:

@@ -64,7 +64,8 @@ class DeclaredTextReader:
 
 
 def _row(layout: TextLayout, lines: list[str], number: int) -> list[str]:
-    cells = split_cells(lines[number - 1], layout.separator)
+    line = lines[number - 1].lstrip(" ")
+    cells = split_cells(line.removeprefix(layout.comment), layout.separator)
     while len(cells) > 1 and not cells[-1]:
         cells.pop()
     return cells
@@ -76,8 +77,6 @@ def _headings(layout: TextLayout, lines: list[str], path: Path) -> list[tuple[st
         names = [(name, "") for name in layout.names]
     else:
         cells = _row(layout, lines, layout.header_row)
-        if layout.comment:
-            cells[0] = cells[0].removeprefix(layout.comment).strip()
         apart = layout.unit_row is not None or layout.units
         names = [(cell, "") if apart else split_unit(cell) for cell in cells]
     units: list[str] | None = list(layout.units) or None

@@ -31,18 +31,26 @@ from recoil_acquisition.readers.time.wall_clock import is_time_of_day, parse_tim
 _WATERFALL = re.compile(r"waterfall|/orders? \(", re.IGNORECASE)
 """Words in the head of an order-tracking or FFT table."""
 _TIME_HEADING = re.compile(r"time\s*(\([^()]*\))?", re.IGNORECASE)
+_IN_TIME = re.compile(r"[^()]*[^\W\d_][^()]*\((?:s|ms|us|µs)\)")
 _RELATIVE_REMEDY = "export with relative time, column `Time (s)`, or declare its layout in the rig: `[source.layout]`"
 _STAMP_REMEDY = "export with relative time, column `Time (s)`, or as .dxd"
 
 
 def _find_header(lines: Sequence[str]) -> tuple[int, str] | None:
-    """Find the header row: its first cell is the time, and the next row is as wide and begins with one."""
+    """Find the header row: its first cell is the time, and the next row is as wide and begins with one.
+
+    Where none is so called, as in another language, a first cell is the time by its unit, over a number.
+    """
+    return _header(lines, _TIME_HEADING) or _header(lines, _IN_TIME)
+
+
+def _header(lines: Sequence[str], heading: re.Pattern[str]) -> tuple[int, str] | None:
     for i, (line, following) in enumerate(pairwise(lines)):
         for separator in SEPARATORS:
             cells, row = split_cells(line, separator), split_cells(following, separator)
             if (
                 len(cells) > 1
-                and _TIME_HEADING.fullmatch(cells[0])
+                and heading.fullmatch(cells[0])
                 and len(row) > 1
                 and (is_number(row[0]) or is_absolute(row[0]) or is_time_of_day(row[0]))
             ):
@@ -63,7 +71,8 @@ class DewesoftTextReader:
     def claims(self, head: Head) -> Claim:
         """Be certain of a time heading over a row that begins with a time, and of a waterfall table.
 
-        A heading of time without a unit, over numbers, is what many programs write.
+        A heading of time without a unit, over numbers, is what many programs write; one that the unit alone tells has
+        the shape.
         """
         lines = head.lines[: HEADER_LINES + 1]
         if _is_waterfall(lines):
@@ -72,6 +81,8 @@ class DewesoftTextReader:
         if found is None:
             return Claim.NO
         heading, first = (split_cells(lines[found[0] + i], found[1])[0] for i in (0, 1))
+        if not _TIME_HEADING.fullmatch(heading):
+            return Claim.SHAPE if is_number(first) else Claim.NO
         return Claim.NO if "(" not in heading and is_number(first) else Claim.CERTAIN
 
     def open(self, path: Path, declared: Declarations) -> Recording:

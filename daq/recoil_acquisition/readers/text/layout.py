@@ -41,8 +41,8 @@ Row = Annotated[int, Field(ge=1, le=MOST_ROWS)]
 class TextLayout(DeclaredTable):
     """Layout of a text table."""
 
-    separator: Literal["\t", ";", ",", "|"] = Field(description='one of "\\t", ";", "," and "|"')
-    """Sign between two cells."""
+    separator: Literal["\t", ";", ",", "|", " "] = Field(description='one of "\\t", ";", ",", "|" and " "')
+    """Sign between two cells; a blank stands for any number of them."""
     first_row: Row = Field(description=f"the line of the first row of numbers, from 1 to {MOST_ROWS}")
     """Rows before it are no data."""
     decimal: Literal[".", ","] = Field(default=".", description='"." or ","')
@@ -84,6 +84,8 @@ class TextLayout(DeclaredTable):
         given = self.model_fields_set
         if self.separator == "," and self.decimal == ",":
             faults.append(("decimal", "a comma cannot both separate cells and mark decimals"))
+        if self.separator == self.thousands == " ":
+            faults.append(("thousands", "a blank cannot both separate cells and set thousands apart"))
         if self.thousands == self.decimal:
             other = "," if self.decimal == "." else "."
             both = f"{self.decimal!r} cannot both mark decimals and set thousands apart"

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 
 from recoil_acquisition.files.bounded_toml import toml_value
 from recoil_acquisition.quantity import find_unit
-from recoil_acquisition.readers.text.cells import has_decimal_comma, is_lost, is_number, split_cells, split_unit
+from recoil_acquisition.readers.text.cells import BLANKS, has_decimal_comma, is_lost, is_number, split_cells, split_unit
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import is_time_of_day, is_wall_clock
@@ -26,16 +26,19 @@ from recoil_acquisition.typed_quantity import TypedError, typed_quantity
 
 _SEPARATORS = ("\t", ";", ",", "|")
 _FEWEST_ROWS = 2
+_LEAST_STEP_S = 1e-12
 _TIME = re.compile(
     r"(time|zeit|t|temps|tiempo|timestamp|x[ _-]?axis|elapsed|seconds?|date[ /_]?time)\b.*", re.IGNORECASE
 )
+# a cell of numbers may follow behind a comma, but no number ends within another
+_NUMBER = r"(?>\d{1,15}(?:[.,]\d{1,15})?)(?!\.?\d)(?:e[+-]?\d{1,3})?"
 _RATE = re.compile(
-    r"(?:rate|frequency|freq|frequenz|fs)\b[^\d\n]{0,12}(\d[\d.,]*(?:e[+-]?\d+)?(?:\s*[kM]?(?:Hz|S/s)\b)?)",
+    rf"(?:rate|frequency|freq|frequenz|fs)\b[^\d\n]{{0,12}}({_NUMBER}(?:\s*[kM]?(?:Hz|S/s)\b)?)",
     re.IGNORECASE,
 )
 _STEP = re.compile(
     r"(?:interval|intervall|increment|period|delta[ _]?[tx]|dt|schrittweite)\b[^\d\n]{0,12}"
-    r"(\d[\d.,]*(?:e[+-]?\d+)?(?:\s*[mun\u00b5\u03bc]?s\b)?)",
+    rf"({_NUMBER}(?:\s*[mun\u00b5\u03bc]?s\b)?)",
     re.IGNORECASE,
 )
 """Words of a heading by which samples come so often, or so far apart."""
@@ -85,6 +88,8 @@ def propose_layout(lines: Sequence[str]) -> ProposedLayout | None:
         Layout of the table; None if the lines hold no table of numbers.
     """
     found = [one for separator in _SEPARATORS if (one := _rows(lines, separator)) is not None]
+    # every separator may have blanks about it
+    found = found or [one for one in (_rows(lines, BLANKS),) if one is not None]
     if not found:
         return None
     separator, first, width, rows = max(found, key=_likeness)
@@ -141,7 +146,7 @@ def _stated_rate(lines: Sequence[str]) -> tuple[float, int]:
                     value = typed_quantity(text.rstrip(".,"), unit)
                 except TypedError:
                     continue
-                if value > 0.0:
+                if _LEAST_STEP_S < (1.0 / value if unit == "Hz" and value > 0.0 else value) < math.inf:
                     found.append((float(f"{value if unit == 'Hz' else 1.0 / value:.9g}"), number))
     return found[0] if len({rate for rate, _ in found}) == 1 else (math.nan, 0)
 
@@ -162,10 +167,19 @@ def _rows(lines: Sequence[str], separator: str) -> _Rows | None:
             continue
         following = [one for one, is_sound in zip(cells[first:], sound[first:], strict=True) if is_sound]
         alike = list(takewhile(partial(_is_as_wide, row), following))
+        # other lines of the head may follow
+        below = alike[max(1, len(alike) // 2) :]
+        if any(map(_heads, row, zip(*below, strict=True))):
+            continue
         if len(alike) >= min(_FEWEST_ROWS, len(following)) and len(following) >= _FEWEST_ROWS:
             width = len(row) - (len(row) > 2 and all(not one[-1] for one in alike))
             return separator, first, width, alike[:LOOKED_AT]
     return None
+
+
+def _heads(cell: str, below: Sequence[str]) -> bool:
+    """Return whether a cell names something where no row below does: its line is of a head that is as wide as they."""
+    return _names(cell) and not is_lost(cell) and not any(map(_names, below))
 
 
 def _is_as_wide(row: Sequence[str], other: Sequence[str]) -> bool:
@@ -190,6 +204,8 @@ def _line_above(lines: Sequence[str], separator: str, below: int, width: int) ->
         cells = split_cells(lines[at], separator)
         while len(cells) > width and not cells[-1]:
             cells.pop()
+        if _is_row(cells) and _names(cells[0]):
+            continue  # a line of a head that labels its numbers
         return at if len(cells) == width and any(map(_names, cells)) and not _is_row(cells) else None
     return None
 
@@ -202,9 +218,13 @@ def _bare(cell: str) -> str:
     return re.sub(r"^[\[(](.*)[\])]$", r"\1", cell).strip()
 
 
+def _is_unit(bare: str) -> bool:
+    return not bare or bare == "-" or find_unit(bare) is not None or bare.casefold() in TIME_UNITS_S
+
+
 def _are_units(cells: Sequence[str]) -> bool:
     """Return whether all cells of a line are units, some of them more than a dash."""
     bare = [_bare(cell) for cell in cells]
-    return all(
-        not one or one == "-" or find_unit(one) is not None or one.casefold() in TIME_UNITS_S for one in bare
-    ) and any(sign.isalpha() for one in bare for sign in one)
+    # the first may be the label of the line
+    bare = bare if len(bare) < 3 or _is_unit(bare[0]) else bare[1:]
+    return all(map(_is_unit, bare)) and any(sign.isalpha() for one in bare for sign in one)

@@ -108,7 +108,8 @@ def column_recording(
         )  # fmt: skip
     notes = (*notes, *about_text_columns([name for name, _ in headings], of_text))
     names, repeated = unique_names([headings[i][0] or f"column {i + 1}" for i in at])
-    table = _Table(columns, clock, time, stamps, dict(zip(names, at, strict=True)))
+    counters = {name: i for name, i in zip(names, at, strict=True) if not headings[i][1]}
+    table = _Table(columns, clock, time, stamps, dict(zip(names, at, strict=True)), counters)
     count = block.row_count
     channels = [
         StoredChannel(
@@ -188,15 +189,22 @@ class _Table:
     """A table once its numbers are read: their instants, and what is lost."""
 
     def __init__(
-        self, columns: ColumnStore, clock: str, time: TimeSource, stamps: Stamps | None, column_of: Mapping[str, int]
+        self,
+        columns: ColumnStore,
+        clock: str,
+        time: TimeSource,
+        stamps: Stamps | None,
+        column_of: Mapping[str, int],
+        counters: Mapping[str, int],
     ) -> None:
         self.columns, self._clock, self._time_source, self.column_of = columns, clock, time, column_of
+        self._counters = counters
         self._stamps, self._block = stamps, columns.block
 
     @cached_property
     def _time(self) -> tuple[TimeBase, tuple[Remark, ...]]:
         """The one time base of the table and what is to say about it."""
-        return time_base(self._time_source, self.columns, self._stamps, self._clock)
+        return time_base(self._time_source, self.columns, self._stamps, self._clock, self._counters)
 
     def instants(self) -> TimeBase:
         return self._time[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,6 +56,14 @@ class RowFormat:
             found=f"{width}",
             remedy="export with a decimal point or with ; between cells" if comma else "export it again",
         )
+
+
+_BLANKS, _OUTER = re.compile(rb"[ \t]+"), re.compile(rb"(?m)^ | (?=\r?$)")
+
+
+def parted_once(text: bytes) -> bytes:
+    """Return rows whose cells blanks part, with one blank between cells and none about them."""
+    return _OUTER.sub(b"", _BLANKS.sub(b" ", text))
 
 
 def is_comment(row: bytes, comment: str) -> bool:

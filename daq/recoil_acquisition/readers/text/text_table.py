@@ -13,8 +13,15 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from recoil_acquisition.errors import CorruptFileError
-from recoil_acquisition.readers.text.cells import decimals, groups_thousands, is_lost, is_number, split_cells
-from recoil_acquisition.readers.text.row_format import RowFormat, count_rows, is_comment
+from recoil_acquisition.readers.text.cells import (
+    BLANKS,
+    decimals,
+    groups_thousands,
+    is_lost,
+    is_number,
+    split_cells,
+)
+from recoil_acquisition.readers.text.row_format import RowFormat, count_rows, is_comment, parted_once
 from recoil_acquisition.readers.text.row_parser import count_byte
 from recoil_acquisition.readers.text_file import LOOKED_AT, PART_BYTES, Text, one_line_end
 
@@ -134,11 +141,12 @@ class TextBlock:
         return count, last
 
     def text(self, piece: RowRange) -> bytes:
-        r"""Read a piece, its last row ended and ``\r`` for ``\n`` where that alone ends lines."""
+        r"""Read a piece: its last row ended, ``\r`` as ``\n`` where that alone ends lines, one blank between cells."""
         raw = self.file.read(piece.start, piece.stop)
         if not raw.endswith(self.file.line_end):
             raw += self.file.line_end
-        return raw if self.file.line_end == b"\n" else one_line_end(raw)
+        text = raw if self.file.line_end == b"\n" else one_line_end(raw)
+        return parted_once(text) if self.format.separator == BLANKS else text
 
 
 def find_block(
@@ -207,7 +215,7 @@ def _line_above(file: Text, start: int) -> bytes:
 
 def _width(row: bytes, separator: str) -> int:
     """Return the number of cells of a row."""
-    if b'"' not in row:
+    if b'"' not in row and separator != BLANKS:
         return row.count(separator.encode()) + 1
     return len(split_cells(row.decode("utf-8", errors="replace"), separator))
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.row_counter import FEWEST_ROWS, CountedRows, counted_rows
 from recoil_acquisition.readers.text.column_store import ColumnStore
 from recoil_acquisition.readers.text.dewesoft_time import rate_from_stamps, spread_s
 from recoil_acquisition.readers.text.text_table import printed_decimals
@@ -117,16 +119,26 @@ class PrintedColumn:
 
 
 def time_base(
-    source: TimeSource, columns: ColumnStore, stamps: Stamps | None, clock: str
+    source: TimeSource,
+    columns: ColumnStore,
+    stamps: Stamps | None,
+    clock: str,
+    counters: Mapping[str, int] = MappingProxyType({}),
 ) -> tuple[TimeBase, tuple[Remark, ...]]:
     """Find the time base of a table's rows, and what is to say about it.
+
+    Parameters
+    ----------
+    counters
+        Columns, by name, of which one may count rows that a rate dates.
 
     Raises
     ------
     ReadError
         If the rows' instants are not stated finely enough.
     CorruptFileError
-        If a time is missing, time does not increase, or it contradicts the stated rate.
+        If a time is missing, time does not increase, or it contradicts the stated rate; if a counter of the rows was
+        set back.
     """
     rows = columns.block.row_count
     if source.column is None:
@@ -134,7 +146,9 @@ def time_base(
             raise ReadError(
                 "there is no time column and no sample rate", path=columns.block.file.path, remedy=source.remedy
             )
-        return source.uniform(columns.block.file.path, clock, rows), (_row_number(source),)
+        base, note = source.uniform(columns.block.file.path, clock, rows), _row_number(source)
+        counted = _counted(columns, counters)
+        return (base, (note,)) if counted is None else _by_counter(source, columns, clock, *counted, note)
     _check_complete(columns, source.column)
     if stamps is None:
         return _from_relative(source, columns, PrintedColumn(columns, source.column, source.unit_s or 1.0), clock)
@@ -146,6 +160,39 @@ def time_base(
 
 def _row_number(source: TimeSource) -> Note:
     return Note(NoteCode.TIME, None, f"time is the row number over {source.rate_hz:g} Hz, {source.rate_origin}")
+
+
+def _counted(columns: ColumnStore, counters: Mapping[str, int]) -> tuple[str, CountedRows] | None:
+    """Return the first column that counts the rows and does not always go on by one, by name."""
+    for name, column in counters.items():
+        if columns.lost[column] or counted_rows(columns.column(column, 0, 4 * FEWEST_ROWS)) is None:
+            continue
+        counted = counted_rows(columns.column(column))
+        if counted is not None and (counted.back is not None or counted.missing):
+            return name, counted
+    return None
+
+
+def _by_counter(
+    source: TimeSource, columns: ColumnStore, clock: str, name: str, counted: CountedRows, note: Note
+) -> tuple[TimeBase, tuple[Remark, ...]]:
+    """Leave the gaps between rows that their counter shows."""
+    path, first_line = columns.block.file.path, columns.block.first_line
+    if counted.back is not None:
+        raise CorruptFileError(
+            f"{name!r}, which counts the rows, begins anew: a second recording begins, or it was set back",
+            path=path, place=f"line {first_line + counted.back}", expected="one recording, which its rate dates",
+            remedy="take the recordings apart there, or export with a column of time",
+        )  # fmt: skip
+    whole = source.uniform(path, clock, int(counted.numbers[-1]) + 1)
+    jumps = counted.jumps
+    places = "1 place" if jumps.size == 1 else f"{jumps.size} places"
+    text = (
+        f"{name} counts the rows and jumps in {places}, first behind line {first_line + int(jumps[0])}: "
+        f"{counted.missing} rows are missing, and instants follow it"
+    )
+    times_s = whole.start_s + counted.numbers * whole.step_s
+    return TimeBase.stamped(clock, times_s, source.start), (note, Note(NoteCode.LOST, name, text))
 
 
 def _check_complete(columns: ColumnStore, column: int) -> None:

@@ -96,8 +96,11 @@ class ProAnalystTextReader:
         if any(cells and cells[0].casefold().startswith("time") for cells in header):
             return Claim.NO  # a table that begins with time is a recorder's
         columns = columns_from_headings(header[-3:], len(numbers[0])) or ()
-        if any(column.kind in ("frame", "position") for column in columns):
+        if any(column.kind == "frame" for column in columns):
             return Claim.GENERIC
+        if axes := {column.axis for column in columns if column.kind == "position"}:
+            # inertial sensors have X, Y and Z and no frames: a rig says by `match` that they are a camera's
+            return Claim.NO if "Z" in axes else Claim.GENERIC
         first = [cells[0] for cells in numbers]
         of_numbers = all(is_number(cell) or is_lost(cell) for cells in numbers for cell in cells)
         is_bare = not any(header) and of_numbers and all(map(is_number, first)) and _whole(first)

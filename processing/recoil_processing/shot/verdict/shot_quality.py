@@ -35,6 +35,7 @@ from recoil_processing.shot.verdict.consequence import weighed
 from recoil_processing.shot.verdict.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
 from recoil_processing.shot.verdict.sensor_quality import check_sensors
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.assemble import about_unknown_unit, unknown_unit
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.calibration_day import CalibrationDay
 
@@ -79,6 +80,7 @@ def check_shot(
             checks += _file_checks(source.name, recordings[source.name])
             if source.kind == "camera":
                 checks += check_frames(source, recordings[source.name])
+    checks += _unknown_units(fired.rig, recordings)
     checks += _file_names(recordings)
     essential = {c.source for c in fired.rig.channels if c.role}
     checks += check_acquisition(fired.shot.acquisition, recordings, essential)
@@ -176,6 +178,17 @@ def _file_checks(source: str, recording: Recording) -> list[QualityCheck]:
 def _check_of(note: str) -> Check:
     late = isinstance(note, Caution) and note.code is CautionCode.LATE_STAMPS
     return Check.LATE_STAMPS if late else Check.READER
+
+
+def _unknown_units(rig: Rig, recordings: Mapping[str, Recording]) -> list[QualityCheck]:
+    """Whether files state units that are none, so that those of the rig count."""
+    return [
+        QualityCheck(spec.name, Check.READER, "warn", about_unknown_unit(spec, header, recordings[spec.source].path))
+        for spec in rig.channels
+        if spec.source in recordings
+        for header in recordings[spec.source].signals
+        if header.name == spec.signal and unknown_unit(spec, header)
+    ]
 
 
 def _file_names(recordings: Mapping[str, Recording]) -> list[QualityCheck]:
