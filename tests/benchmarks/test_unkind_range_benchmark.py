@@ -201,7 +201,8 @@ def test_the_interval_holds_where_no_gauge_reads_and_where_the_motion_is_loud(be
     assert wrong <= binom.ppf(0.975, len(found), math.erfc(BEYOND / math.sqrt(2.0)))
     assert np.mean([one.changing for one in found]) <= MOST_CHANGING
     for row in rows:
-        of = [one.covered for one in found if one.row == row]
+        # what is not valid is nothing to trust, and says so
+        of = [one.covered or not one.valid for one in found if one.row == row]
         # three times what the prior of the share expects: no shot alone can tell it
         assert row == "packings 3 %" or sum(of) >= math.floor(LEAST_OF_24 / 24 * len(of)), row
 

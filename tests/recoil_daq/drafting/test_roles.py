@@ -73,6 +73,25 @@ def test_roles_are_right_where_no_name_tells_them(name: str, seed: int, settings
     assert not any(one.certain for one in found.by_signal.values())
 
 
+@pytest.mark.whole_way
+def test_a_name_alone_gives_no_role_to_what_does_not_move(tmp_path: Path) -> None:
+    fired = simulate_shot(with_twin("field-2013", **SHORTER), tmp_path, seed=11, shot="0001")
+    file = next(one for one in fired.files if one.name.endswith("dewetron.csv"))
+    lines = file.read_text(encoding="utf-8").splitlines()
+    head = next(n for n, line in enumerate(lines) if "p_recuperator" in line)
+    at = next(i for i, cell in enumerate(lines[head].split(",")) if "p_recuperator" in cell)
+
+    def dead(line: str) -> str:
+        cells = line.split(",")
+        return ",".join([*cells[:at], "0.1", *cells[at + 1 :]]) if re.match(r"-?\d", line) else line
+
+    found = {key.partition(": ")[2]: one for key, one in draft_rig(fired.files).roles.by_signal.items()}
+    assert found["AI 8/p_recuperator"].role == "recuperator_pressure"
+    file.write_text("\n".join([*lines[: head + 1], *map(dead, lines[head + 1 :]), ""]), encoding="utf-8")
+    found = {key.partition(": ")[2]: one for key, one in draft_rig(fired.files).roles.by_signal.items()}
+    assert not (proposal := found.get("AI 8/p_recuperator")) or not proposal.role
+
+
 FOREIGN = [
     "dewetron/Example_Drive01.d7d", "dewetron/oxy711.dmd", "dewetron/syncasync.dmd", "containers/test_metadata.mf4",
     "containers/raw1.tdms", "containers/Digital_Input.tdms", "containers/Sample_UFF58b_bin.uff",

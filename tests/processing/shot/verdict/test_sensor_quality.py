@@ -31,6 +31,7 @@ def exchanged(text: str, one: str, other: str) -> str:
     return text.replace(one, "@@").replace(other, one).replace("@@", other)
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_nothing_is_asked_of_sound_rigs(name: str) -> None:
     virtual = virtual_shot(name)
