@@ -21,6 +21,7 @@ from tests.contracts.test_reader_rules import CASES, DECLARED_CASES
 
 HOSTILE = (
     "²", "9" * 5000, "1e999", "1e308", "1e-320", "1e9", "1e-9", "-1e-3", "-1", "0", "nan", "inf", "-inf", "", "0x10",
+    " ", "1,5", "\0",
     "1_000", "１２", "٣", "1e", "--1", "1.5", "99999999999999999999", "1" + "0" * 400, "x",
 )  # fmt: skip
 """What may stand where a number is due."""

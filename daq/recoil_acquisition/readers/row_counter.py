@@ -60,7 +60,7 @@ def counted_rows(counts: NDArray[np.float64]) -> CountedRows | None:
     """
     if counts.size < FEWEST_ROWS or not _whole(counts).all():
         return None
-    steps = np.diff(counts.astype(np.int64))
+    steps: NDArray[np.int64] = np.diff(counts.astype(np.int64)).astype(np.int64)
     usual = int(np.median(steps))
     if usual < 1 or (steps == 0).any() or np.mean(steps == usual) < _NEARLY_ALL:
         return None

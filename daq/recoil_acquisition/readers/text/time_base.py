@@ -185,13 +185,14 @@ def _by_counter(
             remedy="take the recordings apart there, or export with a column of time",
         )  # fmt: skip
     whole = source.uniform(path, clock, int(counted.numbers[-1]) + 1)
+    step_s = whole.step_s or math.nan
     jumps = counted.jumps
     places = "1 place" if jumps.size == 1 else f"{jumps.size} places"
     text = (
         f"{name} counts the rows and jumps in {places}, first behind line {first_line + int(jumps[0])}: "
         f"{counted.missing} rows are missing, and instants follow it"
     )
-    times_s = whole.start_s + counted.numbers * whole.step_s
+    times_s = whole.start_s + step_s * counted.numbers.astype(np.float64)
     return TimeBase.stamped(clock, times_s, source.start), (note, Note(NoteCode.LOST, name, text))
 
 

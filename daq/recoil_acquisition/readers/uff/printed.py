@@ -43,7 +43,7 @@ def printed_numbers(content: bytes, expected: int, *, double: bool, even: bool) 
     if len(cells) == expected:
         line, cell = next(_no_numbers(plain))
         raise ValueError(f"{cell!r} in line {line} of the values is no number")
-    raise ValueError(f"expected {expected} values, found {len(cells)}")
+    raise ValueError(f"{len(cells)} values where it states {expected}")
 
 
 def _by_columns(content: bytes, columns: Sequence[int]) -> list[float] | None:

@@ -40,6 +40,8 @@ from recoil_acquisition.remark import Note, NoteCode
 _DATE = re.compile(r"(\d{4})[-_:/. ](\d\d)[-_:/. ](\d\d)")
 _TIME = re.compile(r"(\d\d)[-_:/. ](\d\d)[-_:/. ](\d\d)")
 SUPPORTED = {(PCM, 8), (PCM, 16), (PCM, 24), (PCM, 32), (FLOAT, 32), (FLOAT, 64)}
+CODINGS = {2: "Microsoft ADPCM", 6: "A-law", 7: "mu-law", 17: "IMA ADPCM", 80: "MPEG", 85: "MPEG layer 3"}
+"""Codings that are not read, by their numbers in RFC 2361."""
 UNSCALED = "WAVE states no unit: samples are shares of full scale (1), and what full scale is must come from the rig"
 
 
@@ -94,7 +96,8 @@ def _open(path: Path, clock: str) -> Recording:
         ) from error
     if (form.code, form.bits) not in SUPPORTED:
         raise ReadError(
-            "samples in this coding are not read", path=path, found=f"format {form.code} of {form.bits} bits",
+            "samples in this coding are not read", path=path,
+            found=f"{CODINGS.get(form.code, 'a coding')} (format {form.code}) of {form.valid_bits} bits",
             expected="PCM of 8, 16, 24 or 32 bits or floats", remedy="export it as PCM",
         )  # fmt: skip
     data = found[SAMPLES][0]

@@ -104,6 +104,8 @@ def parse_format(content: bytes) -> SoundFormat:
         if content[26:40] != _GUID_TAIL:
             raise ValueError("a fmt chunk whose sub-format is not of WAVE")
         valid_bits = stated_bits or valid_bits
+    if code not in (PCM, FLOAT):
+        return SoundFormat(code, channels, rate_hz, frame_bytes, bits, valid_bits)  # of another coding's frames
     if not channels or not rate_hz or frame_bytes != channels * bits // 8 or not 0 < valid_bits <= bits:
         raise ValueError(
             f"{channels} channels of {bits} bits ({valid_bits} valid) in frames of {frame_bytes} bytes at {rate_hz} Hz"

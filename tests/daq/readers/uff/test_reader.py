@@ -163,15 +163,15 @@ def test_a_cut_dataset_is_left_out_and_told(tmp_path: Path) -> None:
 
 def test_missing_values_and_words_are_refused_with_their_dataset(tmp_path: Path) -> None:
     short = uff_text(ramp()[:10]).replace(b"        10         1", b"        12         1")
-    with pytest.raises(CorruptFileError, match="expected 12 values, found 10"):
+    with pytest.raises(CorruptFileError, match="10 values where it states 12"):
         opened(tmp_path, short)
     word = uff_text(ramp()).replace(b"-1.500000000000E+00", b"-1.5000000000x0E+00")
     with pytest.raises(CorruptFileError, match=r"'-1\.5000000000x0E\+00' in line 1 of the values is no number"):
         opened(tmp_path, word)
     recording = opened(tmp_path, short + uff_text(ramp(), entity="p"))
     assert [s.name for s in recording.signals] == ["p"]
-    assert any("expected 12 values, found 10: left out" in note for note in recording.notes)
-    with pytest.raises(ReadError, match=r"'acc' cannot be read; found .* found 10"):
+    assert any("10 values where it states 12: left out" in note for note in recording.notes)
+    with pytest.raises(ReadError, match=r"'acc' cannot be read; found .* 10 values where"):
         recording.read("acc")
 
 
@@ -286,7 +286,7 @@ def test_a_field_that_is_missing_between_others_is_refused(tmp_path: Path) -> No
     plain = uff_text(ramp(3), ordinate=2)
     printed = b"-1.000000E+00" + b" " * 13 + b"-2.500000E-03\n"
     content = plain[: plain.index(f"{ramp(3)[0]:20.12E}".encode())] + printed + b"    -1\n"
-    with pytest.raises(CorruptFileError, match="expected 3 values, found 2"):
+    with pytest.raises(CorruptFileError, match="2 values where it states 3"):
         opened(tmp_path, content)
 
 

@@ -75,7 +75,7 @@ def test_a_cut_file_gives_its_complete_samples_and_says_so(tmp_path: Path) -> No
 
 
 def test_compressed_sound_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ReadError, match=r"format 6 of 8 bits.*export it as PCM"):
+    with pytest.raises(ReadError, match=r"A-law .format 6. of 8 bits; export it as PCM"):
         opened(tmp_path, build.wave_file(build.wave_format(6, 1, 8000, 8), b"\0" * 8))
 
 
@@ -110,3 +110,16 @@ def test_a_second_recording_behind_the_first_is_refused_with_its_byte(tmp_path: 
     data = build.riff_chunk(b"data", b"\1\2\3\4")
     with pytest.raises(ReadError, match=f"a second recording begins at byte {len(first)}.* a further data chunk"):
         opened(tmp_path, first + data)
+
+
+@pytest.mark.parametrize(("code", "named"), [(2, "Microsoft ADPCM"), (17, "IMA ADPCM"), (7, "mu-law")])
+def test_a_compressed_coding_is_named_and_not_called_damaged(code: int, named: str, tmp_path: Path) -> None:
+    form = struct.pack("<HHIIHHHH", code, 2, 48000, 48000, 1024, 4, 2, 1017)
+    chunks = b"".join(
+        name + struct.pack("<I", len(body)) + body for name, body in ((b"fmt ", form), (b"data", b"\1" * 1024))
+    )
+    content = b"RIFF" + struct.pack("<I", 4 + len(chunks)) + b"WAVE" + chunks
+    (path := tmp_path / "a.wav").write_bytes(content)
+    with pytest.raises(ReadError, match=f"not read.*{named}") as refused:
+        WavReader().open(path, Declarations("recorder"))
+    assert "damaged" not in str(refused.value)
