@@ -557,8 +557,9 @@ _CAUSES: Mapping[StrEnum, frozenset[StrEnum]] = MappingProxyType({
     Check.DELIVERY: _FROM_AWAY,
     Check.CONNECTION: _FROM_AWAY,
     Check.LATE_STAMPS: _FROM_LATE,
-    Check.ALIGNMENT: frozenset({ReasonCode.CLOCK, ReasonCode.ROLE, Check.TIME_STEPS}),
-    ReasonCode.CLOCK: frozenset({ReasonCode.ROLE, Check.TIME_STEPS}),
+    # says what to do, too
+    ReasonCode.CLOCK: frozenset({Check.ALIGNMENT, ReasonCode.ROLE, Check.TIME_STEPS}),
+    Check.ALIGNMENT: frozenset({ReasonCode.ROLE, Check.TIME_STEPS}),
     Check.TIME_STEPS: frozenset({Check.TIME_STEPS}),
 })  # fmt: skip
 """Finding on a source -> what follows from it of the source, its channels and their roles; what explains more first.
@@ -630,8 +631,11 @@ def by_cause(found: Sequence[OneRemark], subjects: Sequence[Subject]) -> tuple[l
         group = [one, *(found[other] for other in causes.get(at, ()))]
         worst = next((that for that in group if isinstance(that, Reason)), one)
         head = one
+        # a doubt of a clock and the check that warns of it say the same
+        more = [that for that in group[1:] if {one.code, that.code} != {ReasonCode.CLOCK, Check.ALIGNMENT}]
         if at in causes:
-            head = type(worst)(one.code, one.about, worded(one, f"; this explains {len(causes[at])} more"))
+            told = worded(one, f"; this explains {len(more)} more") if more else one
+            head = type(worst)(one.code, one.about, told)
         said.append((isinstance(worst, Caution), min(map(weight, group)), at, head))
     return [one for *_, one in sorted(said, key=lambda placed: placed[:3])], [found[at] for at in sorted(explained)]
 

@@ -331,7 +331,8 @@ class Rig(Listed):
     @property
     def foreign_keys(self) -> tuple[Fault, ...]:
         """Keys of channels' ``sensor`` that say nothing of what the channel measures."""
-        return tuple(foreign_keys(self.mechanism, *self._rows))
+        _, channels = self._rows
+        return tuple(foreign_keys(self.mechanism, channels))
 
     @property
     def _rows(self) -> tuple[list[tuple[KeyPath, Source]], list[tuple[KeyPath, ChannelSpec]]]:

@@ -241,7 +241,7 @@ def test_another_shots_camera_file_keeps_the_shot_and_says_why_it_is_not_usable(
 
 
 @pytest.mark.whole_way
-def test_a_track_without_motion_keeps_the_shot_and_says_why_it_is_not_usable(run, files, tmp_path):
+def test_a_track_without_motion_is_set_aside_and_named(run, files, tmp_path):
     header, *rows = files["camera"].read_text().splitlines()
     noise = np.random.default_rng(1).normal(0, 0.05, len(rows))
     still = []
@@ -250,12 +250,12 @@ def test_a_track_without_motion_keeps_the_shot_and_says_why_it_is_not_usable(run
         still.append(",".join([frame, seconds, f"{value:.4f}", *others]))
     files["camera"].write_text("\n".join([header, *still]) + "\n")
     result = run("ingest", "field-2013", *files.values(), "--out", tmp_path, "--shot", "x", "--json")
-    assert result.exit_code == 1
-    reasons = " ".join(json.loads(result.stdout)["reasons"])
-    assert "does not move" in reasons
+    assert result.exit_code == 0
+    (aside,) = (one for one in json.loads(result.stdout)["findings"] if one["code"] == "set aside")
+    assert "the mass is found without it" in aside["text"]
     report = run("identify", tmp_path / "x.h5", "--out", tmp_path / "reports", "--json")
-    assert report.exit_code == 1
-    assert "does not move" in " ".join(json.loads(report.stdout)["reports"][0]["reasons"])
+    assert report.exit_code == 0
+    assert "set aside" in {one["code"] for one in json.loads(report.stdout)["reports"][0]["findings"]}
 
 
 def test_a_recorder_that_missed_the_shot_keeps_the_record_and_says_so(run, files, tmp_path):

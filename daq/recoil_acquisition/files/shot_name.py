@@ -54,7 +54,7 @@ def shot_name_fault(name: str) -> str | None:
     if name[-1] == ".":
         return "ends with `.`: Windows takes such an ending away"
     if name.lower().endswith(OWN_ENDINGS):
-        return f"ends with `{name[name.rindex('.') :]}`, as the files do that are named after it"
+        return f"ends with {name[name.rindex('.') :]!r}, as the files do that are named after it"
     if _RESERVED.fullmatch(name):
         return "is a word that Windows reserves for a device"
     return None

@@ -190,20 +190,17 @@ def unusual_values(
     return found
 
 
-def foreign_keys(
-    mechanism: Mechanism, sources: Sequence[tuple[KeyPath, Source]], channels: Sequence[tuple[KeyPath, ChannelSpec]]
-) -> list[Fault]:
+def foreign_keys(mechanism: Mechanism, channels: Sequence[tuple[KeyPath, ChannelSpec]]) -> list[Fault]:
     """Name what a channel's ``sensor`` states and no sensor of its quantity has: it may be that of another channel.
 
     Parameters are as of `implausible_values`.
     """
-    cameras = {source.name for _, source in sources if source.kind == "camera"}
     found = []
     for where, channel in channels:
         stated = channel.sensor.model_fields_set
         of_others = {
             "position": channel.quantity not in PLACED and any(channel.sensor.position),
-            "u_distortion_m": channel.source not in cameras,
+            "u_distortion_m": channel.quantity != "displacement",
             "u_zero_rel": mechanism.recoils_once and channel.quantity in TURNING,
         }
         found += [
