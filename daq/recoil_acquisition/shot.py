@@ -5,17 +5,16 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from pathlib import Path
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.acquisition import Acquisition
+from recoil_acquisition.causes import Subject, reasons_of
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.clocks.one_grid import grid, read_on_grid
 from recoil_acquisition.errors import AlignmentError, ReadError, StoreError, nearest_first, system_errors_as
@@ -23,17 +22,16 @@ from recoil_acquisition.extras import XARRAY
 from recoil_acquisition.files.regular_file import open_regular
 from recoil_acquisition.files.shot_name import check_shot_name
 from recoil_acquisition.listing import Listed, Listing
-from recoil_acquisition.measured import beside, joined, worded
-from recoil_acquisition.remark import Caution, Note, Reason, ReasonCode, Remark, findings_of
+from recoil_acquisition.measured import joined, worded
+from recoil_acquisition.quality_check import QualityCheck
+from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.usability import Usability, usability
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-Verdict = Literal["ok", "warn", "fail"]
 AlignmentStatus = Literal["ok", "ambiguous", "failed"]
-OneRemark = TypeVar("OneRemark", bound=Remark)
 Times = TypeVar("Times", float, NDArray[np.float64])
 
 
@@ -120,130 +118,6 @@ class ClockAlignment:
             "method": self.method,
             "reasons": list(self.reasons),
         }
-
-
-class Check(StrEnum):
-    """Name of a quality check, as shot files and documents write it."""
-
-    # files, and what was lost on the way from the devices
-    FILE = "file"
-    FILE_NAMES = "file names"
-    READER = "reader"
-    MISSING_FRAMES = "missing frames"
-    STREAM = "stream"
-    LATE_STAMPS = "late stamps"
-    """Stamps that come in bursts or behind a stall."""
-    DELIVERY = "delivery"
-    CONNECTION = "connection"
-    KERNEL_DROPS = "kernel drops"
-    DAMAGED_ENTRIES = "damaged entries"
-    ERROR_FRAMES = "error frames"
-    UNANSWERED = "unanswered"
-    PRE_TIME = "pre-time"
-    TRIGGER = "trigger"
-    JOURNAL = "journal"
-    # clocks
-    CLOCK_FIT = "clock fit"
-    CLOCK_STEPS = "clock steps"
-    CLOCK_STAMPS = "clock stamps"
-    ALIGNMENT = "alignment"
-    # one channel by itself
-    LOSSES = "losses"
-    CONSTANT = "constant"
-    OVERFLOW = "overflow"
-    """Jumps over a whole word."""
-    RANGE = "range"
-    FLAT_TOPS = "flat tops"
-    HELD_VALUES = "held values"
-    TIME_STEPS = "time steps"
-    BASELINE = "baseline"
-    STEADY_BASELINE = "steady baseline"
-    LEVEL_AFTER = "level after"
-    FILTERED_NOISE = "filtered noise"
-    HUM = "hum"
-    OUT_OF_BAND = "out of band"
-    ALIASING = "aliasing"
-    SPECTRAL_GAP = "spectral gap"
-    SHOCK_RESPONSE = "shock response"
-    POLARITY = "polarity"
-    CALIBRATION = "calibration"
-    SENSOR = "sensor"
-    """A sensor's certificate that may be of another channel's."""
-    SET_ASIDE = "set aside"
-    """Mark of a channel without which the mass is found."""
-    # a camera's frames and tracks
-    FRAME_RATE = "frame rate"
-    LOST_FRAMES = "lost frames"
-    PICTURES = "pictures"
-    DISTANCE = "distance"
-    REPEATED_FRAMES = "repeated frames"
-    HELD_ENDS = "held ends"
-    MARKER_NOISE = "marker noise"
-    JUMPS = "jumps"
-    BATTERY = "battery"
-    PEAK_LOCKING = "peak locking"
-    RESIDUAL = "residual"
-    # sensors of one motion against one another
-    ONSET = "onset"
-    SECOND_SENSOR = "second sensor"
-    VELOCITY = "velocity"
-    CARRIAGE = "carriage"
-    FORCE = "force"
-    FORCE_SIGN = "force sign"
-    IMPULSE = "impulse"
-    BRAKING = "braking"
-    ZERO_SHIFT = "zero shift"
-    SKEW = "skew"
-    REST_TO_REST = "rest to rest"
-    # of a file that another version wrote
-    OTHER = "other"
-
-
-@dataclass(frozen=True)
-class QualityCheck:
-    """The outcome of one check of one channel or of the shot.
-
-    Attributes
-    ----------
-    channel
-        Name of the channel, of the clock or source, or ``shot``.
-    check
-        Kind of the check; `Check.OTHER` of a check that this version does not make.
-    verdict
-        Outcome: ``ok``, ``warn`` or ``fail``.
-    detail
-        Sentence with the figure, its limit, and what to do about it; a `recoil_acquisition.measured.Worded` where its
-        figures are known.
-    written
-        Name of the check in the file that it was read from, where that is no `Check`; None of any other.
-    """
-
-    channel: str
-    check: Check
-    verdict: Verdict
-    detail: str
-    written: str | None = None
-
-    @classmethod
-    def named(cls, channel: str, check: str, verdict: Verdict, detail: str) -> QualityCheck:
-        """Return what a file states of a check by its name, which another version may have given it."""
-        known = check in Check.__members__.values()
-        return cls(channel, Check(check) if known else Check.OTHER, verdict, detail, None if known else check)
-
-    @property
-    def name(self) -> str:
-        """Name of the check, as its file has it."""
-        return self.check.value if self.written is None else self.written
-
-    def remark(self) -> Remark:
-        """Return it as a reason (it failed), a caution or a note about its channel, with the check as its code."""
-        kind = {"fail": Reason, "warn": Caution, "ok": Note}[self.verdict]
-        return kind(self.check, self.channel, worded(self.channel, ": ", self.detail))
-
-    def to_json(self) -> dict[str, Any]:
-        """Return it in JSON types; with the ``figures`` of its detail if that has any."""
-        stated = {"channel": self.channel, "check": self.name, "verdict": self.verdict, "detail": str(self.detail)}
-        return stated | beside(self.detail)
 
 
 @dataclass(frozen=True, eq=False)
@@ -534,140 +408,6 @@ class Shot(Listed):
         """Return a new shot with alignments, quality verdicts and one more line of history."""
         history = (*self.history, step)
         return replace(self, alignments=alignments, quality=quality, against_mass=against_mass, history=history)
-
-
-class Subject(NamedTuple):
-    """Subject of a finding, one channel: its own name, its role, the clock it is on, and its quantity."""
-
-    channel: str
-    role: str
-    clock: str
-    quantity: str
-
-
-_FROM_LATE = frozenset({
-    Check.TIME_STEPS, Check.CLOCK_STEPS, Check.CLOCK_STAMPS, Check.HELD_VALUES, Check.ALIGNMENT, ReasonCode.CLOCK,
-    ReasonCode.ROLE,
-})  # fmt: skip
-_FROM_AWAY = _FROM_LATE | {Check.LATE_STAMPS, Check.MISSING_FRAMES, Check.STREAM, Check.LOSSES}
-_CAUSES: Mapping[StrEnum, frozenset[StrEnum]] = MappingProxyType({
-    Check.SET_ASIDE: _FROM_AWAY | {Check.DELIVERY, Check.CONNECTION, Check.LOST_FRAMES},
-    Check.SENSOR: frozenset({Check.SENSOR, Check.RANGE, Check.FLAT_TOPS}),
-    Check.FILE: frozenset({ReasonCode.ROLE}),
-    Check.DELIVERY: _FROM_AWAY,
-    Check.CONNECTION: _FROM_AWAY,
-    Check.LATE_STAMPS: _FROM_LATE,
-    # says what to do, too
-    ReasonCode.CLOCK: frozenset({Check.ALIGNMENT, ReasonCode.ROLE, Check.TIME_STEPS}),
-    Check.ALIGNMENT: frozenset({ReasonCode.ROLE, Check.TIME_STEPS}),
-    Check.TIME_STEPS: frozenset({Check.TIME_STEPS}),
-})  # fmt: skip
-"""Finding on a source -> what follows from it of the source, its channels and their roles; what explains more first.
-From one on a channel follows what is said of that channel alone."""
-_OF_CHANNELS = (Check.SENSOR,)
-_OF_FORCES = ("pressure", "force")
-_FORCES = (ReasonCode.ROLE, Check.FILE, Check.DELIVERY)
-_MOTION = (Check.ONSET, Check.FORCE)
-_CLOCKS = (Check.ALIGNMENT, ReasonCode.CLOCK, *(one for one in _FROM_LATE if isinstance(one, Check)), Check.LATE_STAMPS)
-
-
-def by_cause(found: Sequence[OneRemark], subjects: Sequence[Subject]) -> tuple[list[OneRemark], list[OneRemark]]:
-    """Say each cause once, the weightiest first: no forces, no motion, clocks, then the rest as they come.
-
-    What follows from one cause (the source's stamps come in bursts, so that its clock cannot be aligned and its forces
-    are missing) is one finding, as weighty as the weightiest of them, which says how many more it explains.
-
-    Parameters
-    ----------
-    found
-        Reasons and cautions.
-    subjects
-        Channels of the shot.
-
-    Returns
-    -------
-    said, explained : list of Remark
-        Those that are said, and the others, in the order in which they came.
-    """
-    source_of = {subject.channel: subject.clock for subject in subjects}
-    by_role: dict[str, set[str]] = {}
-    for subject in subjects:
-        by_role.setdefault(subject.role, set()).add(subject.clock)
-    source_of |= {role: next(iter(clocks)) for role, clocks in by_role.items() if role and len(clocks) == 1}
-    absent = {one.about for one in found if one.code is Check.FILE and isinstance(one, Reason)}
-
-    def source(one: Remark) -> str | None:
-        if one.code is ReasonCode.ROLE and one.about not in source_of:
-            return next(iter(absent)) if len(absent) == 1 else None
-        return None if one.about is None else source_of.get(one.about, one.about)
-
-    causes: dict[int, list[int]] = {}
-    explained: set[int] = set()
-    for code, follows in _CAUSES.items():
-        for at, one in enumerate(found):
-            if one.code is not code or at in explained:
-                continue
-            rest = [
-                other
-                for other, that in enumerate(found)
-                if other != at and other not in explained and other not in causes
-                and that.code in follows
-                and (one.about == that.about if code in _OF_CHANNELS else source(that) == source(one))
-            ]  # fmt: skip
-            if rest:
-                causes[at] = rest
-                explained.update(rest)
-    quantities = {subject.channel: subject.quantity for subject in subjects if subject.role}
-
-    def weight(one: Remark) -> int:
-        if one.code in _FORCES or (one.code is Check.CONSTANT and quantities.get(str(one.about)) in _OF_FORCES):
-            return 0
-        return 1 if one.code in _MOTION else 2 if one.code in _CLOCKS else 3
-
-    said = []
-    for at, one in enumerate(found):
-        if at in explained:
-            continue
-        group = [one, *(found[other] for other in causes.get(at, ()))]
-        worst = next((that for that in group if isinstance(that, Reason)), one)
-        head = one
-        # a doubt of a clock and the check that warns of it say the same
-        more = [that for that in group[1:] if {one.code, that.code} != {ReasonCode.CLOCK, Check.ALIGNMENT}]
-        if at in causes:
-            told = worded(one, f"; this explains {len(more)} more") if more else one
-            head = type(worst)(one.code, one.about, told)
-        said.append((isinstance(worst, Caution), min(map(weight, group)), at, head))
-    return [one for *_, one in sorted(said, key=lambda placed: placed[:3])], [found[at] for at in sorted(explained)]
-
-
-def _said(
-    quality: Sequence[QualityCheck], against_mass: Sequence[Reason], subjects: Sequence[Subject]
-) -> tuple[list[Remark], list[Remark]]:
-    """Return what fails, speaks against the mass and warns, each cause once, and what that explains."""
-    failed = [check.remark() for check in quality if check.verdict == "fail"]
-    return by_cause([*failed, *against_mass, *(c.remark() for c in quality if c.verdict == "warn")], subjects)
-
-
-def reasons_of(
-    quality: Sequence[QualityCheck], against_mass: Sequence[Reason], subjects: Sequence[Subject] = ()
-) -> tuple[str, ...]:
-    """Say why a shot is not usable: what failed, and what speaks against its mass although nothing failed."""
-    said, _ = _said(quality, against_mass, subjects)
-    return tuple(str(one) for one in said if isinstance(one, Reason))
-
-
-def shot_findings(
-    quality: Sequence[QualityCheck], against_mass: Sequence[Reason], subjects: Sequence[Subject] = ()
-) -> list[dict[str, Any]]:
-    """Return the ``findings`` of a shot: its reasons in order, what warns, what both explain, what readers noted."""
-    said, explained = _said(quality, against_mass, subjects)
-    notes = [check.remark() for check in quality if check.verdict == "ok" and check.check is Check.READER]
-    return findings_of(said, as_notes(explained), notes)
-
-
-def as_notes(explained: Iterable[Remark]) -> list[Note]:
-    """Return findings whose cause is said as notes, with their codes and words."""
-    return [Note(one.code, one.about, one) for one in explained]
 
 
 def doubted_clocks(alignments: Sequence[ClockAlignment]) -> tuple[Reason, ...]:

@@ -17,7 +17,7 @@ from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples, Liv
 from recoil_acquisition.devices.device import EVENT, Block, Counters
 from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.errors import DeviceError, RecoilDaqError
-from recoil_acquisition.shot import Verdict
+from recoil_acquisition.quality_check import Verdict
 from recoil_daq.live.sensor_range import allowed
 from recoil_daq.live.shot import losses_of, lost_anything
 from recoil_daq.live.trigger_at_rest import ConditionAtRest, conditions_at_rest

@@ -14,6 +14,7 @@ import numpy as np
 
 from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition
 from recoil_acquisition.capture.cut import acquisition_of_declaration
+from recoil_acquisition.causes import shot_findings
 from recoil_acquisition.channel import Step
 from recoil_acquisition.errors import CorruptFileError, ErrorCode, FileEnd, ReadError, StoreError, UnknownFormatError
 from recoil_acquisition.files.regular_file import check_regular
@@ -27,7 +28,7 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.serial.raw_bytes import look_into_file
 from recoil_acquisition.readers.table import BY_LAYOUT, reader_by_name, recognise
 from recoil_acquisition.recorded_file import EXCERPTS, INGEST, RecordedFile
-from recoil_acquisition.shot import InputFile, Shot, shot_findings
+from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store import write_shot
 from recoil_daq.recording.doubles import made_in, refusal
 from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, DAY_OF, add_row, as_planned

@@ -11,8 +11,8 @@ from typing import Any
 
 from recoil_acquisition.errors import ErrorCode, ReadError, RecoilDaqError, StoreError, UnknownFormatError
 from recoil_acquisition.files.shot_name import numbers_of
+from recoil_acquisition.quality_check import Verdict
 from recoil_acquisition.readers.captured import LIVE
-from recoil_acquisition.shot import Verdict
 from recoil_acquisition.store import is_shot_file
 from recoil_acquisition.store.shot_log import SHOT_LOG
 from recoil_acquisition.usability import Usability

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import visible
-from recoil_acquisition.shot import Check
+from recoil_acquisition.quality_check import Check
 from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_acquisition.usability import Usability
 from recoil_daq.terminal.console import output_console

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from recoil_acquisition.quality_check import Check, Verdict
 from recoil_acquisition.remark import Severity
-from recoil_acquisition.shot import Check, Verdict
 from recoil_acquisition.usability import Usability
 
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from recoil_acquisition.acquisition import AcquiredEvent, AcquiredSource, Acquisition, TriggerDecision
 from recoil_acquisition.channel import Channel, RawCounts, Step
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
-from recoil_acquisition.shot import Check, ClockAlignment, InputFile, QualityCheck, Shot
+from recoil_acquisition.quality_check import Check, QualityCheck
+from recoil_acquisition.shot import ClockAlignment, InputFile, Shot
 
 RIG_TEXT = 'schema = "recoil-daq/rig/1"\nname = "bench"  # Prüfstand, µ = 0,1\n'
 

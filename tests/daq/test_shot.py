@@ -12,17 +12,9 @@ from hypothesis import strategies as st
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import AlignmentError, StoreError
-from recoil_acquisition.remark import Caution, Note, Reason, ReasonCode, Remark
-from recoil_acquisition.shot import (
-    Check,
-    ClockAlignment,
-    QualityCheck,
-    Shot,
-    Subject,
-    Verdict,
-    by_cause,
-    shot_findings,
-)
+from recoil_acquisition.quality_check import Check, QualityCheck
+from recoil_acquisition.remark import Reason, ReasonCode
+from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_acquisition.usability import Usability
 from tests.builders.shots import make_shot
 
@@ -75,100 +67,6 @@ def test_a_sound_record_without_a_valid_mass_is_for_the_record_only() -> None:
     failed = replace(sound, quality=(QualityCheck("a", Check.HUM, "fail", "loud"),))
     assert (failed.state, failed.reasons) == (Usability.NOT_USABLE, (str(doubt), "a: loud"))
     assert "record only" in repr(sound)
-
-
-def test_findings_are_the_reasons_by_their_weight_then_warnings_then_what_readers_noted() -> None:
-    doubt = Reason(ReasonCode.CLOCK, "imu", "hardly known")
-    checks = (
-        QualityCheck("a", Check.HUM, "warn", "50 Hz"), QualityCheck("can", Check.READER, "ok", "no time zone"),
-        QualityCheck("a", Check.RANGE, "fail", "clipped"), QualityCheck("a", Check.LOSSES, "ok", "none"),
-    )  # fmt: skip
-    found = shot_findings(checks, (doubt,))
-    assert [(one["code"], one["about"], one["severity"], one["text"]) for one in found] == [
-        ("clock", "imu", "fatal", "hardly known"),
-        ("range", "a", "fatal", "a: clipped"),
-        ("hum", "a", "warn", "a: 50 Hz"),
-        ("reader", "can", "note", "can: no time zone"),
-    ]
-    shot = replace(make_shot(), quality=checks, against_mass=(doubt,))
-    assert shot.reasons == tuple(one["text"] for one in found if one["severity"] == "fatal")
-
-
-BUS = (
-    Subject("p_brake", "brake_pressure", "can", "pressure"),
-    Subject("p_recuperator", "recuperator_pressure", "can", "pressure"),
-    Subject("acc", "recoil_acceleration", "daq", "acceleration"),
-)
-"""Channels of a shot whose two pressures came over one bus."""
-
-
-def test_reasons_begin_with_no_forces_then_no_motion_then_clocks_then_the_rest() -> None:
-    checks = (
-        QualityCheck("acc", Check.RANGE, "fail", "clipped"), QualityCheck("camera", Check.ALIGNMENT, "fail", "far off"),
-        QualityCheck("shot", Check.ONSET, "fail", "none"), QualityCheck("p_brake", Check.CONSTANT, "fail", "always 0"),
-        QualityCheck("acc", Check.CONSTANT, "fail", "always 1"),
-    )  # fmt: skip
-    role = Reason(ReasonCode.ROLE, "breech_pressure", "no breech pressure")
-    said, explained = by_cause([*(check.remark() for check in checks), role], BUS)
-    assert explained == []
-    assert [str(one) for one in said] == [
-        "p_brake: always 0", "no breech pressure", "shot: none", "camera: far off", "acc: clipped", "acc: always 1",
-    ]  # fmt: skip
-    # of the same remarks in another order the weights are the same
-    assert {str(one) for one in by_cause([role, *(c.remark() for c in checks[::-1])], BUS)[0][:2]} == {
-        "p_brake: always 0", "no breech pressure",
-    }  # fmt: skip
-
-
-def test_what_follows_from_one_cause_is_one_reason_and_stays_readable_in_the_notes() -> None:
-    checks = (
-        QualityCheck("can", Check.LATE_STAMPS, "warn", "bursts; let the interface stamp"),
-        QualityCheck("can", Check.CLOCK_STEPS, "warn", "stepped; check its supply"),
-        QualityCheck("p_brake", Check.HELD_VALUES, "warn", "held; check the cable"),
-        QualityCheck("acc", Check.HELD_VALUES, "warn", "held, too"),
-        QualityCheck("can", Check.ALIGNMENT, "fail", "not to be told"),
-    )  # fmt: skip
-    role = Reason(ReasonCode.ROLE, "brake_pressure", "no brake pressure")
-    found = shot_findings(checks, (role,), BUS)
-    assert [(one["severity"], one["code"], one["text"]) for one in found] == [
-        ("fatal", "late stamps", "can: bursts; let the interface stamp; this explains 4 more"),
-        ("warn", "held values", "acc: held, too"),
-        ("note", "alignment", "can: not to be told"),
-        ("note", "role", "no brake pressure"),
-        ("note", "clock steps", "can: stepped; check its supply"),
-        ("note", "held values", "p_brake: held; check the cable"),
-    ]
-    # a warning that explains warnings is one, and another clock's is none of its
-    warned = shot_findings(checks[:3], (), BUS)
-    assert [one["severity"] for one in warned] == ["warn", "note", "note"]
-    other = shot_findings((checks[0], QualityCheck("camera", Check.ALIGNMENT, "fail", "far off")), (), BUS)
-    assert [(one["severity"], one["code"]) for one in other] == [("fatal", "alignment"), ("warn", "late stamps")]
-
-
-def test_a_role_that_two_clocks_bear_is_missing_for_no_one_clock_alone() -> None:
-    both = (*BUS, Subject("p_brake_2", "brake_pressure", "daq", "pressure"))
-    role = Reason(ReasonCode.ROLE, "brake_pressure", "no brake pressure")
-    said, explained = by_cause([QualityCheck("can", Check.ALIGNMENT, "fail", "far off").remark(), role], both)
-    assert (len(said), explained) == (2, [])
-
-
-@pytest.mark.parametrize(
-    ("verdict", "kind", "severity"), [("fail", Reason, "fatal"), ("warn", Caution, "warn"), ("ok", Note, "note")]
-)
-def test_a_check_is_a_remark_by_its_verdict(verdict: Verdict, kind: type[Remark], severity: str) -> None:
-    remark = QualityCheck("acc", Check.RANGE, verdict, "31 samples clipped").remark()
-    assert type(remark) is kind
-    text = "acc: 31 samples clipped"
-    assert remark.to_json() == {"code": "range", "about": "acc", "severity": severity, "text": text}
-
-
-def test_a_check_that_only_another_version_makes_keeps_its_name() -> None:
-    known = QualityCheck.named("acc", "range", "ok", "")
-    assert (known, known.check) == (QualityCheck("acc", Check.RANGE, "ok", ""), Check.RANGE)
-    for name in ("drop-outs", ""):
-        foreign = QualityCheck.named("acc", name, "fail", "")
-        assert (foreign.check, foreign.name, foreign.to_json()["check"]) == (Check.OTHER, name, name)
-        assert foreign.remark().code is Check.OTHER
 
 
 def test_a_reason_keeps_its_code_where_it_is_given_to_another_process() -> None:

@@ -45,8 +45,9 @@ from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.channel import Step
 from recoil_acquisition.files.strict_json import read_json
 from recoil_acquisition.measured import Worded, beside, with_figures
+from recoil_acquisition.quality_check import QualityCheck
 from recoil_acquisition.remark import Reason, ReasonCode
-from recoil_acquisition.shot import ClockAlignment, InputFile, QualityCheck, Shot, doubted_clocks
+from recoil_acquisition.shot import ClockAlignment, InputFile, Shot, doubted_clocks
 from recoil_acquisition.store.channel_layout import read_channels, write_channels
 from recoil_acquisition.store.table import (
     json_text,

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.acquisition import AT_TRIGGER
+from recoil_acquisition.causes import Subject, reasons_of, shot_findings
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import ErrorCode, ReadError, StoreError, system_errors_as
 from recoil_acquisition.files.new_file import give_name, partial_path
@@ -28,7 +29,7 @@ from recoil_acquisition.files.shot_name import check_shot_name
 from recoil_acquisition.reader_process import EXPANSION, READER, SPARE_BYTES
 from recoil_acquisition.readers.hdf5.kind import SIGNATURE
 from recoil_acquisition.recorded_file import RecordedFile
-from recoil_acquisition.shot import ClockAlignment, Shot, Subject, reasons_of, shot_findings
+from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_acquisition.store.channel_layout import signals_of, time_groups
 from recoil_acquisition.store.file_tree import Group, last_word, tree_of
 from recoil_acquisition.store.layout import (

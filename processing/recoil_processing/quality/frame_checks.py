@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.quality_check import Verdict
 from recoil_acquisition.readers.tracks.rest import rest_repeats
-from recoil_acquisition.shot import Verdict
 from recoil_processing.noise import hiding_resolution, noise_sigma
 from recoil_processing.quality.limits import LIMITS, Outcome
 

@@ -14,8 +14,8 @@ from typing import Any
 
 from recoil_acquisition.acquisition import AcquiredSource, Acquisition
 from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
+from recoil_acquisition.quality_check import Check, QualityCheck, Verdict
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.shot import Check, QualityCheck, Verdict
 
 LIMITS = MappingProxyType(
     {

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.measured import worded
-from recoil_acquisition.shot import Check, QualityCheck, Shot
+from recoil_acquisition.quality_check import Check, QualityCheck
+from recoil_acquisition.shot import Shot
 from recoil_processing.alignment.motion_alignment import shows_motion
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge

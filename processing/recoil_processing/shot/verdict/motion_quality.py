@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.quality_check import Check, QualityCheck
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.shot import Check, ClockAlignment, QualityCheck, Shot
+from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_processing.alignment.channel_skew import Skew, measure_skew
 from recoil_processing.double_integral import DoubleIntegral, integrate
 from recoil_processing.filters import LowPass

@@ -9,7 +9,8 @@ from itertools import combinations
 import numpy as np
 
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.shot import Check, ClockAlignment, QualityCheck
+from recoil_acquisition.quality_check import Check, QualityCheck
+from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.quality.limits import LIMITS
 from recoil_rigs.rig import RedundantAlignment
 from recoil_rigs.shots.assemble import range_si, shown_unit

@@ -13,10 +13,11 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.files.shot_name import numbers_of
 from recoil_acquisition.measured import joined, worded
+from recoil_acquisition.quality_check import Check, QualityCheck
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.remark import Caution, CautionCode
-from recoil_acquisition.shot import Check, ClockAlignment, QualityCheck, Shot
+from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.shot.onset import find_onset
