@@ -32,6 +32,8 @@ _CAUSES: Mapping[StrEnum, frozenset[StrEnum]] = MappingProxyType({
     Check.SET_ASIDE: _FROM_AWAY | {Check.DELIVERY, Check.CONNECTION, Check.LOST_FRAMES},
     Check.SENSOR: frozenset({Check.SENSOR, Check.RANGE, Check.FLAT_TOPS}),
     Check.FILE: frozenset({ReasonCode.ROLE}),
+    Check.CODE: frozenset({Check.ONSET, Check.FORCE}),
+    Check.OVERFLOW: frozenset({Check.ONSET, Check.FORCE}),
     Check.DELIVERY: _FROM_AWAY,
     Check.CONNECTION: _FROM_AWAY,
     Check.LATE_STAMPS: _FROM_LATE,
@@ -39,14 +41,19 @@ _CAUSES: Mapping[StrEnum, frozenset[StrEnum]] = MappingProxyType({
     ReasonCode.CLOCK: frozenset({Check.ALIGNMENT, ReasonCode.ROLE, Check.TIME_STEPS}),
     Check.ALIGNMENT: frozenset({ReasonCode.ROLE, Check.TIME_STEPS}),
     Check.TIME_STEPS: frozenset({Check.TIME_STEPS}),
+    Check.HELD_VALUES: frozenset({Check.HELD_VALUES}),
+    Check.MISSING_FRAMES: frozenset({Check.STREAM, Check.DAMAGED_ENTRIES}),
 })  # fmt: skip
 """Finding on a source -> what follows from it of the source, its channels and their roles; what explains more first.
-From one on a channel follows what is said of that channel alone."""
+From one on a channel follows what is said of that channel alone, from one on what measures a force what is said of the
+force."""
 _OF_CHANNELS = (Check.SENSOR,)
+_OF_A_FORCE = (Check.CODE, Check.OVERFLOW)
 _OF_FORCES = ("pressure", "force")
 _FORCES = (ReasonCode.ROLE, Check.FILE, Check.DELIVERY)
+_BROKEN = (Check.CONSTANT, *_OF_A_FORCE)
 _MOTION = (Check.ONSET, Check.FORCE)
-_CLOCKS = (Check.ALIGNMENT, ReasonCode.CLOCK, *(one for one in _FROM_LATE if isinstance(one, Check)), Check.LATE_STAMPS)
+_CLOCKS = (Check.LATE_STAMPS, ReasonCode.CLOCK, *(one for one in _FROM_LATE if isinstance(one, Check)), Check.SET_ASIDE)
 
 
 def by_cause(found: Sequence[OneRemark], subjects: Sequence[Subject]) -> tuple[list[OneRemark], list[OneRemark]]:
@@ -79,6 +86,16 @@ def by_cause(found: Sequence[OneRemark], subjects: Sequence[Subject]) -> tuple[l
             return next(iter(absent)) if len(absent) == 1 else None
         return None if one.about is None else source_of.get(one.about, one.about)
 
+    quantities = {subject.channel: subject.quantity for subject in subjects if subject.role}
+
+    def of_a_force(one: Remark) -> bool:
+        return quantities.get(str(one.about)) in _OF_FORCES
+
+    def related(code: StrEnum, one: Remark, that: Remark) -> bool:
+        if code in _OF_A_FORCE:
+            return of_a_force(one)
+        return one.about == that.about if code in _OF_CHANNELS else source(that) == source(one)
+
     causes: dict[int, list[int]] = {}
     explained: set[int] = set()
     for code, follows in _CAUSES.items():
@@ -89,16 +106,14 @@ def by_cause(found: Sequence[OneRemark], subjects: Sequence[Subject]) -> tuple[l
                 other
                 for other, that in enumerate(found)
                 if other != at and other not in explained and other not in causes
-                and that.code in follows
-                and (one.about == that.about if code in _OF_CHANNELS else source(that) == source(one))
+                and that.code in follows and related(code, one, that)
             ]  # fmt: skip
             if rest:
                 causes[at] = rest
                 explained.update(rest)
-    quantities = {subject.channel: subject.quantity for subject in subjects if subject.role}
 
     def weight(one: Remark) -> int:
-        if one.code in _FORCES or (one.code is Check.CONSTANT and quantities.get(str(one.about)) in _OF_FORCES):
+        if one.code in _FORCES or (one.code in _BROKEN and of_a_force(one)):
             return 0
         return 1 if one.code in _MOTION else 2 if one.code in _CLOCKS else 3
 

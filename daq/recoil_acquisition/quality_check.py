@@ -40,6 +40,8 @@ class Check(StrEnum):
     # one channel by itself
     LOSSES = "losses"
     CONSTANT = "constant"
+    CODE = "code"
+    """A value that stands for lost samples."""
     OVERFLOW = "overflow"
     """Jumps over a whole word."""
     RANGE = "range"

@@ -83,3 +83,25 @@ def test_a_role_that_two_clocks_bear_is_missing_for_no_one_clock_alone() -> None
     role = Reason(ReasonCode.ROLE, "brake_pressure", "no brake pressure")
     said, explained = by_cause([QualityCheck("can", Check.ALIGNMENT, "fail", "far off").remark(), role], both)
     assert (len(said), explained) == (2, [])
+
+
+def test_a_code_of_a_gauge_is_why_no_shot_is_seen_and_one_of_an_accelerometer_is_not() -> None:
+    unseen = QualityCheck("shot", Check.ONSET, "fail", "no shot")
+    for gauge, first in (("p_brake", "p_brake: a code; this explains 1 more"), ("acc", "shot: no shot")):
+        code = QualityCheck(gauge, Check.CODE, "fail", "a code")
+        assert str(by_cause([unseen.remark(), code.remark()], BUS)[0][0]) == first
+
+
+def test_a_source_that_sleeps_or_loses_frames_is_said_once_and_what_is_done_without_comes_before_trifles() -> None:
+    checks = (
+        QualityCheck("can", Check.STREAM, "warn", "bytes"), QualityCheck("p_brake", Check.HELD_VALUES, "warn", "held"),
+        QualityCheck("can", Check.MISSING_FRAMES, "warn", "frames"),
+        QualityCheck("camera", Check.SET_ASIDE, "warn", "no"),
+        QualityCheck("p_recuperator", Check.HELD_VALUES, "warn", "held"),
+        QualityCheck("acc", Check.HELD_VALUES, "warn", "held"),
+    )  # fmt: skip
+    said, explained = by_cause([check.remark() for check in checks], BUS)
+    assert [str(one) for one in said] == [
+        "p_brake: held; this explains 1 more", "camera: no", "acc: held", "can: frames; this explains 1 more",
+    ]  # fmt: skip
+    assert [str(one) for one in explained] == ["can: bytes", "p_recuperator: held"]

@@ -70,10 +70,10 @@ def find_onset(times_s: Array, series: Mapping[str, Array]) -> float:
         found, remedy = "", "check that the file is of this shot and the sensor was connected, or record faster"
         # an acceleration swings to both sides, a pressure does not
         if role == "breech_pressure" and turned > max(peak, LEAST_PEAK_SIGMA * sigma):
-            found = f", and upside down {turned / sigma:.1f} times"
+            found = f", and upside down {turned / sigma:.4g} times"
             remedy = "the `polarity` of its channel in the rig is the other one: change it, or turn the sensor"
         raise IdentificationError(
-            f"{role} shows no shot: its peak is {peak / sigma:.1f} times its noise{found}",
+            f"{role} shows no shot: its peak is {peak / sigma:.4g} times its noise{found}",
             expected=f"at least {LEAST_PEAK_SIGMA:g} times, over {ONSET_SAMPLES} samples",
             remedy=remedy,
         )

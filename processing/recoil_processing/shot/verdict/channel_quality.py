@@ -24,6 +24,7 @@ from recoil_processing.quality.level_checks import (
 )
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.quality.loss_checks import check_held, check_losses, check_time_steps
+from recoil_processing.quality.lost_code import find_lost_code
 from recoil_processing.quality.motion_checks import check_polarity
 from recoil_processing.quality.spectral_checks import (
     check_aliasing,
@@ -109,15 +110,16 @@ def check_channel(
     unclipped = True
     if not by_camera:
         yield Check.LOSSES, check_losses(samples, channel.time_base.rate_hz, channel.overloads)
-        limits = range_si(spec)
-        overflow = find_word_overflow(_shown(samples, own))
-        if overflow is not None:
+        limits, shown = range_si(spec), _shown(samples, own)
+        code = find_lost_code(shown, None if limits is None else tuple(_shown(limits, own).tolist()))
+        broken = code or find_word_overflow(shown)
+        if broken is not None:
             # its range, its polarity and its spectrum say nothing of what it measured
-            verdict, detail = overflow.outcome(unit)
+            verdict, detail = broken.outcome(unit)
             used = channel.role or channel.name in aligning_channels(rig)
-            yield Check.OVERFLOW, (verdict if used else "warn", detail)
+            yield Check.CODE if code else Check.OVERFLOW, (verdict if used else "warn", detail)
             return
-        ranged = None if limits is None else check_clipping(_shown(samples, own), *_shown(limits, own), unit=unit)
+        ranged = None if limits is None else check_clipping(shown, *_shown(limits, own), unit=unit)
         if ranged is not None:
             yield Check.RANGE, ranged
         # what is clipped at the declared range is not reported twice
