@@ -20,6 +20,7 @@ from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from tests.builders.range_faults import pairs, range_faults
 from tests.builders.virtual_shots import virtual_shot
 
@@ -44,7 +45,10 @@ def outcome(name: str, number: int, pair: bool) -> Outcome:
     try:
         alignments = align_clocks(FiredShot(shot, virtual.rig))
         quality = check_shot(
-            FiredShot(replace(shot, alignments=alignments), virtual.rig), alignments, {}, dt.date(2026, 6, 1)
+            FiredShot(replace(shot, alignments=alignments), virtual.rig),
+            alignments,
+            {},
+            CalibrationDay(dt.date(2026, 6, 1), DayOf.START),
         )
         found = identify_shot(FiredShot(replace(shot, alignments=alignments, quality=quality), virtual.rig), Options())
     except RecoilDaqError as error:

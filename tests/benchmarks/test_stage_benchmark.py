@@ -19,6 +19,7 @@ from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.rig import Rig, parse_rig
 from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import with_twin
 
@@ -40,7 +41,9 @@ def shot_of_16_channels() -> tuple[Shot, Rig]:
     rig = with_twin("field-2013", sample_rate_hz=RATE_HZ, duration_s=DURATION_S)
     with tempfile.TemporaryDirectory() as folder:
         simulated = simulate_shot(rig, Path(folder) / "files", seed=1, shot="s1")
-        shot = ingest_files(rig, simulated.files, out=Path(folder) / "shots", on=dt.date(2026, 6, 1)).shot
+        shot = ingest_files(
+            rig, simulated.files, out=Path(folder) / "shots", on=CalibrationDay(dt.date(2026, 6, 1), DayOf.START)
+        ).shot
     own = [c for c in shot.channels.values() if c.time_base.clock == shot.reference_clock]
     head, _, tail = rig.text.partition("[twin]\n")
     more = CHANNELS - len(own)
@@ -76,7 +79,12 @@ def test_a_shot_of_16_channels_at_200_khz_is_aligned_cleaned_and_judged(benchmar
         timed(
             "stress waves and their modes", lambda: find_stress_waves(FiredShot(aligned, rig), prepared.signals, choice)
         )
-        checks = timed("quality", lambda: check_shot(FiredShot(aligned, rig), alignments, {}, dt.date(2026, 6, 1)))
+        checks = timed(
+            "quality",
+            lambda: check_shot(
+                FiredShot(aligned, rig), alignments, {}, CalibrationDay(dt.date(2026, 6, 1), DayOf.START)
+            ),
+        )
         assert all(alignment.status == "ok" for alignment in alignments)
         # the carriage's accelerometer is too small for the running in, which no shorter record shows, and the camera
         # sees that its part of the travel is not what it read
