@@ -24,6 +24,7 @@ from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from tests.builders.range_faults import pairs, range_faults
 from tests.builders.virtual_shots import virtual_shot
 
+DAY = CalibrationDay(dt.date(2026, 6, 1), DayOf.START)
 PAIRS = int(os.environ.get("RECOIL_DAQ_FAULT_PAIRS", "30"))
 SEEDS = {"field-2013": 3, "mixed": 3}
 """Shots whose own error is less than one standard uncertainty: what goes beyond 1.96 of them is the fault's."""
@@ -48,7 +49,7 @@ def outcome(name: str, number: int, pair: bool) -> Outcome:
             FiredShot(replace(shot, alignments=alignments), virtual.rig),
             alignments,
             {},
-            CalibrationDay(dt.date(2026, 6, 1), DayOf.START),
+            DAY,
         )
         found = identify_shot(FiredShot(replace(shot, alignments=alignments, quality=quality), virtual.rig), Options())
     except RecoilDaqError as error:

@@ -23,6 +23,7 @@ from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import with_twin
 
+DAY = CalibrationDay(dt.date(2026, 6, 1), DayOf.START)
 RATE_HZ = 200e3
 DURATION_S = 1.0
 CHANNELS = 16
@@ -41,9 +42,7 @@ def shot_of_16_channels() -> tuple[Shot, Rig]:
     rig = with_twin("field-2013", sample_rate_hz=RATE_HZ, duration_s=DURATION_S)
     with tempfile.TemporaryDirectory() as folder:
         simulated = simulate_shot(rig, Path(folder) / "files", seed=1, shot="s1")
-        shot = ingest_files(
-            rig, simulated.files, out=Path(folder) / "shots", on=CalibrationDay(dt.date(2026, 6, 1), DayOf.START)
-        ).shot
+        shot = ingest_files(rig, simulated.files, out=Path(folder) / "shots", on=dt.date(2026, 6, 1)).shot
     own = [c for c in shot.channels.values() if c.time_base.clock == shot.reference_clock]
     head, _, tail = rig.text.partition("[twin]\n")
     more = CHANNELS - len(own)
@@ -81,9 +80,7 @@ def test_a_shot_of_16_channels_at_200_khz_is_aligned_cleaned_and_judged(benchmar
         )
         checks = timed(
             "quality",
-            lambda: check_shot(
-                FiredShot(aligned, rig), alignments, {}, CalibrationDay(dt.date(2026, 6, 1), DayOf.START)
-            ),
+            lambda: check_shot(FiredShot(aligned, rig), alignments, {}, DAY),
         )
         assert all(alignment.status == "ok" for alignment in alignments)
         # the carriage's accelerometer is too small for the running in, which no shorter record shows, and the camera
