@@ -19,8 +19,8 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.regular_file import read_small
 from recoil_acquisition.files.strict_json import read_json, told_in_one_line
@@ -29,8 +29,6 @@ from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.shot.firing_record import CURVES, Curves
 from recoil_identification.shot.identified import Result
 from recoil_processing.shot.error_source import ErrorSource
-
-Array = NDArray[np.float64]
 
 SCHEMA = "recoil-daq/report/1"
 REPORT_FILE = "report.json"

@@ -27,6 +27,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.estimate.mass import correlation_factor
@@ -44,9 +45,6 @@ from recoil_identification.targets.parameters.load_cells import usable_equations
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.mechanism.mechanism_regressor import PARAMETER_UNITS, PARAMETERS, Geometry, regressor
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 PREFERRED = tuple(PARAMETERS.index(name) for name in (
     "m1", "m1 X1", "m1 Y1", "J1", "m3", "m3 b", "m3 d", "J3A", "m2 s2", "m2 d2", "m2", "J2",
