@@ -232,18 +232,31 @@ def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
     """
     content = read_small(path, LARGEST_REPORT, "a report") if content is None else content
     with told_in_one_line("this is no report of a shot", path, expected=f"schema {SCHEMA}"):
-        document = read_json(content)
-        if document["schema"] != SCHEMA:
-            raise ValueError(f"schema {document['schema']!r}")
-        refuse_deep(document)
+        document = of_schema(content, SCHEMA)
         lacking = [key for key in ("shot", "rig", "mass", "rpe_percent", "valid", "provenance") if key not in document]
         if lacking:
             raise ValueError(f"no {', '.join(lacking)}")
     return dict(document)
 
 
-def refuse_deep(document: Any) -> None:
-    """Raise `ValueError` if a document is nested more deeply than any that this project wrote."""
+def of_schema(content: bytes, schema: str) -> Any:
+    """Return a document by its bytes.
+
+    Raises
+    ------
+    ValueError
+        If it is of another schema, or nested more deeply than any that this project wrote.
+    LookupError, TypeError
+        If it states no schema.
+    """
+    document = read_json(content)
+    if document["schema"] != schema:
+        raise ValueError(f"schema {document['schema']!r}")
+    _refuse_deep(document)
+    return document
+
+
+def _refuse_deep(document: Any) -> None:
     level = [document]
     for _ in range(DEEPEST):
         level = [

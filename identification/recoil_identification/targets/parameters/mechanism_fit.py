@@ -72,17 +72,14 @@ class MechanismFit(ReadOnlyArrays):
     identifiable
         Part of them that this shot tells, combined from the columns of `structural`.
     inferred
-        Errors of the sensors and `values`, without `attenuation`, as the rows and the calibrations say.
+        Errors of the sensors and `values`, without what the regressor's noise takes off them, as rows and calibrations
+        say.
     told
         The same where parameters that lead none of `identifiable` are zero: `errors` and `residuals` are of it.
-    sigmas : ndarray, shape (5,)
-        Noise of the equations, N and N m; NaN where one cannot be used.
     usable
         Numbers of the equations that can be used.
     residuals : ndarray, shape (n, 5)
         NaN where a row is not used.
-    attenuation : ndarray, shape (r,)
-        Amount that was added to `values` for the noise of the regressor.
     """
 
     structural: BaseParameters
@@ -91,10 +88,8 @@ class MechanismFit(ReadOnlyArrays):
     identifiable: IdentifiablePart
     inferred: Estimate
     told: Estimate
-    sigmas: Array
     usable: tuple[int, ...]
     residuals: Array
-    attenuation: Array
 
     @property
     def rows(self) -> int:
@@ -241,10 +236,8 @@ def fit_mechanism(
         identifiable=identifiable_part(free, seen + shift, scales, LARGEST_U, doubt * np.outer(shift, shift)),
         inferred=inferred,
         told=told,
-        sigmas=sigmas,
         usable=usable,
         residuals=residuals,
-        attenuation=attenuation,
     )
 
 
