@@ -7,10 +7,8 @@ depends on it must be marked, left out, or be a small term.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from recoil_acquisition.arrays import Array, Flags
 
 LONGEST_STEP = 2.5
 """Steps between neighbours beyond which nothing is interpolated: one lost sample is, two are not."""

@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from recoil_acquisition.arrays import Array, Flags
 
 LIMIT_SIGMA = 6.0
 """Standard deviations of the difference to what the neighbours predict: one in 5e8 frames exceeds it by chance."""

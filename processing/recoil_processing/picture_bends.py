@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from recoil_acquisition.arrays import Array
 
 
 def picture_bends(positions_m: Array) -> tuple[Array, Array]:

@@ -13,11 +13,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_processing.noise import noise_sigma
 
-Array = NDArray[np.float64]
 _Figure = Callable[["Swing"], float]
 
 REST_SHARE, LEAST_REST = 0.05, 20

@@ -11,12 +11,12 @@ from typing import Any
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.files.regular_file import read_small
-from recoil_acquisition.files.strict_json import read_json, told_in_one_line
+from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_daq.campaigns.sources import CampaignReport
 from recoil_daq.reports.report_folder import way_inside, way_to_page
 from recoil_identification.report.content.result_table import Row
 from recoil_identification.report.document.campaign_document import CAMPAIGN_FILE, LARGEST_ANSWER, SCHEMA
-from recoil_identification.report.document.report_files import REPORT_FILE, refuse_deep, seal_fault
+from recoil_identification.report.document.report_files import REPORT_FILE, of_schema, seal_fault
 from recoil_identification.report.page.html import CAMPAIGN_PAGE
 from recoil_identification.report.results.history import THIS, history_document, row_of, shared_kg2
 
@@ -65,10 +65,7 @@ class Past:
             "this is no answer of a campaign that can be compared", path,
             remedy="combine its shots anew, or take it out of the history",
         ):  # fmt: skip
-            document = read_json(content)
-            if document["schema"] != SCHEMA:
-                raise ValueError(f"schema {document['schema']!r}")
-            refuse_deep(document)
+            document = of_schema(content, SCHEMA)
             row = row_of(document, name)
             fault = seal_fault(document)
             shared_kg2(document, document)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -71,60 +72,28 @@ def run_live(
     with OutputFolder(options.out) as folder:
         left = _recover(rig, options, display)
         first = options.first or free_number(options.out)
-        return _run(rig, replace(options, first=first), display, folder, left, play or {}, watch_day)
-
-
-def _run(
-    rig: Rig,
-    options: LiveOptions,
-    display: Display,
-    folder: OutputFolder,
-    left: Sequence[LiveShot],
-    play: Mapping[str, Any],
-    watch_day: Callable[[RangeDay], None],
-) -> LiveOutcome:
-    worker, warm = _prewarmed(rig, options)
-    try:
-        return _run_beside(worker, warm, rig, options, display, folder, left, play, watch_day)
-    finally:
-        worker.close()
-
-
-def _prewarmed(rig: Rig, options: LiveOptions) -> tuple[WarmWorker, WarmWork]:
-    """Start the worker, and have it do while the range is armed what the first shot would wait for."""
-    worker = WarmWorker()
-    there = sorted((path for path in options.out.glob("*.h5") if path.is_file()), key=lambda path: path.stat().st_mtime)
-    warm = worker.ask(_WARM, (rig.path, there[-1] if there else None, options.identify), again=None)
-    return worker, warm
-
-
-def _run_beside(
-    worker: WarmWorker,
-    warm: WarmWork,
-    rig: Rig,
-    options: LiveOptions,
-    display: Display,
-    folder: OutputFolder,
-    left: Sequence[LiveShot],
-    play: Mapping[str, Any],
-    watch_day: Callable[[RangeDay], None],
-) -> LiveOutcome:
-    if not is_virtual_rig(rig):
-        return LiveRange(rig, options, display, folder, rest_s=REST_S, worker=worker, left=left).run()
-    shots = options.shots or VIRTUAL_SHOTS
-    watch = options.watch or options.out / "incoming"
-    display.notice(f"virtual rig: simulating {shots} shots")
-    with RangeDay(rig, shots, watch, first=options.first or 1, **play) as day:
-        watch_day(day)
-        watch.mkdir(parents=True, exist_ok=True)
-        _wait_for(worker, warm)
-        chosen = replace(options, shots=shots, watch=watch)
-        devices = day.devices
-        live = LiveRange(rig, chosen, display, folder, devices=devices, over=lambda: day.over, worker=worker)
-        outcome = live.run(day.start)
-        if day.over:  # else it was interrupted, and its devices were closed under it
-            day.raise_failure()
-        return outcome
+        with closing(WarmWorker()) as worker:
+            there = [path for path in options.out.glob("*.h5") if path.is_file()]
+            newest = max(there, key=lambda path: path.stat().st_mtime, default=None)
+            # while the range is armed the worker does what the first shot would wait for
+            warm = worker.ask(_WARM, (rig.path, newest, options.identify), again=None)
+            if not is_virtual_rig(rig):
+                chosen = replace(options, first=first)
+                return LiveRange(rig, chosen, display, folder, rest_s=REST_S, worker=worker, left=left).run()
+            shots, watch = options.shots or VIRTUAL_SHOTS, options.watch or options.out / "incoming"
+            chosen = replace(options, first=first, shots=shots, watch=watch)
+            display.notice(f"virtual rig: simulating {shots} shots")
+            with RangeDay(rig, shots, watch, first=first, **(play or {})) as day:
+                watch_day(day)
+                watch.mkdir(parents=True, exist_ok=True)
+                _wait_for(worker, warm)
+                live = LiveRange(
+                    rig, chosen, display, folder, devices=day.devices, over=lambda: day.over, worker=worker
+                )
+                outcome = live.run(day.start)
+                if day.over:  # else it was interrupted, and its devices were closed under it
+                    day.raise_failure()
+                return outcome
 
 
 def _wait_for(worker: WarmWorker, warm: WarmWork) -> None:

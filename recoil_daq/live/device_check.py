@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples, LiveSource, open_source, signals_of
 from recoil_acquisition.devices.device import EVENT, Block, Counters
 from recoil_acquisition.devices.reader_thread import DeviceReader
@@ -26,8 +26,6 @@ from recoil_rigs.shots.live_sources import live_sources, told_by
 from recoil_rigs.twin import simulate_shot
 from recoil_rigs.twin.player import TwinPlayer
 from recoil_rigs.twin.range_day import is_virtual_rig
-
-Array = NDArray[np.float64]
 
 LISTEN_S = 5.0
 SETTLE_S = 0.3

@@ -5,15 +5,14 @@ It is made in one place, of the acquisition, the shots and the watched folder, a
 
 from __future__ import annotations
 
-import datetime as dt
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Literal
 
-from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceStatus, State
+from recoil_acquisition.capture.status import ChannelStatus, SourceStatus, State
 from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.shot import LiveShot, ShotState, losses_of
 from recoil_daq.terminal.verdict_line import VerdictLine
@@ -365,58 +364,6 @@ class RangeState:
             "shots": [shot.to_json() for shot in self.shots],
         }
         return {key: _finite(value) for key, value in document.items()}
-
-
-def range_state(
-    status: LiveStatus,
-    sources: Sequence[RangeSource],
-    shots: Sequence[RangeShot],
-    *,
-    rig: str,
-    virtual: bool = False,
-    since_s: float = 0.0,
-    next_shot: str = "",
-    decision: RangeDecision | None = None,
-    alarms: int = 0,
-    cautions: Sequence[str] = (),
-    notices: Sequence[Notice] = (),
-    campaign: Mapping[str, Any] | None = None,
-    added_mass: str = "",
-    asked: str = "",
-    out: Path = Path("shots"),
-    watched: Path | None = None,
-    folder_made: bool = False,
-) -> RangeState:
-    """Join what the acquisition, the shots and the watched folder are at this moment."""
-    peaks = next((shot.peaks for shot in reversed(shots) if shot.peaks), {})
-    return RangeState(
-        utc=dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds"),
-        rig=rig,
-        virtual=virtual,
-        state=status.state,
-        since_s=since_s,
-        alert=status.alert,
-        next_shot=next_shot,
-        sources=tuple(sources),
-        channels=tuple(c.with_peak(peaks.get(c.name)) for c in status.channels),
-        shots=tuple(shots),
-        triggered=status.shots,
-        armed_s=status.armed_s,
-        decision=decision,
-        alarms=alarms,
-        cautions=tuple(cautions),
-        notices=tuple(notices),
-        campaign=campaign,
-        added_mass=added_mass,
-        asked=asked,
-        out=out,
-        watched=watched,
-        folder_made=folder_made,
-        disk_free_bytes=status.disk_free_bytes,
-        journal_bytes=status.journal_bytes,
-        unsynced_s=status.unsynced_s,
-        unseen_bytes=status.unseen_bytes,
-    )
 
 
 def source_state(live: SourceStatus, *, lost: bool, ended: bool = False) -> SourceState:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import datetime as dt
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 
 from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.clocks.host_clock import Anchor, anchor
 from recoil_daq.live.device_losses import DeviceLosses
 from recoil_daq.live.display import Display
-from recoil_daq.live.range_state import OLD_S, RangeShot, RangeSource, RangeState, is_old, range_state, source_state
+from recoil_daq.live.range_state import OLD_S, RangeShot, RangeSource, RangeState, is_old, source_state
 from recoil_daq.live.rest_watch import RestWatch
 from recoil_daq.live.shot import LiveOptions, LiveShot
 from recoil_daq.live.shots.dropped_files import DroppedFiles
@@ -104,24 +103,34 @@ class RangeStates:
             )
             for shot in self._shots
         ]
-        return range_state(
-            replace(status, alert=", ".join(alerts)),
-            [self._source(source, status, now_s) for source in self._sources],
-            shots,
+        peaks = next((shot.peaks for shot in reversed(shots) if shot.peaks), {})
+        return RangeState(
+            utc=dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds"),
             rig=self._rig.name,
             virtual=self._virtual,
+            state=status.state,
             since_s=now_s - self._since[1],
+            alert=", ".join(alerts),
             next_shot=self._work.next_name,
+            sources=tuple(self._source(source, status, now_s) for source in self._sources),
+            channels=tuple(channel.with_peak(peaks.get(channel.name)) for channel in status.channels),
+            shots=tuple(shots),
+            triggered=status.shots,
+            armed_s=status.armed_s,
             decision=self._decisions.last,
-            campaign=None if self._masses is None else self._masses.campaign,
-            added_mass="" if self._work.added_mass is None else str(self._work.added_mass),
-            asked=asked,
             alarms=self._decisions.alarms,
             cautions=(*self._not_calibrated, *self._clock_set(), *self._rest.look(status.channels)),
             notices=self._display.noticed,
-            folder_made=self._files.folder_made and not self._virtual,
+            campaign=None if self._masses is None else self._masses.campaign,
+            added_mass="" if self._work.added_mass is None else str(self._work.added_mass),
+            asked=asked,
             out=self._options.out,
             watched=self._files.folder,
+            folder_made=self._files.folder_made and not self._virtual,
+            disk_free_bytes=status.disk_free_bytes,
+            journal_bytes=status.journal_bytes,
+            unsynced_s=status.unsynced_s,
+            unseen_bytes=status.unseen_bytes,
         )
 
     def _source(self, source: Source, status: LiveStatus, now_s: float) -> RangeSource:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import IdentificationError, RecoilDaqError
 from recoil_acquisition.files.regular_file import read_beginning, read_small
-from recoil_acquisition.files.strict_json import read_json, told_in_one_line
+from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.typed_quantity import typed_quantity
@@ -24,7 +24,7 @@ from recoil_identification.report.document.report_files import (
     LARGEST_REPORT,
     computer,
     json_bytes,
-    refuse_deep,
+    of_schema,
     seal_fault,
     write_files,
 )
@@ -232,10 +232,7 @@ def _again(folder: Path, name: str) -> Comparison:
     path, page, table = (folder / f"{name}.{ending}" for ending in ("json", "html", "csv"))
     try:
         with told_in_one_line("this is no sweep that can be drawn again", path):
-            document = read_json(read_small(path, LARGEST_REPORT, "a sweep"))
-            if document["schema"] != SCHEMA:
-                raise ValueError(f"schema {document['schema']!r}")
-            refuse_deep(document)
+            document = of_schema(read_small(path, LARGEST_REPORT, "a sweep"), SCHEMA)
             fault, drawn = seal_fault(document), sweep_figures(document)
             pages = [render_results_page(document, drawn, standalone=alone).encode() for alone in (False, True)]
             files = {page: pages, table: [SWEEP.csv(document).encode()]}

@@ -9,8 +9,9 @@ from typing import Any
 from recoil_acquisition.capture.engine import Level
 from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceStatus
 from recoil_acquisition.devices.device import Counters
-from recoil_daq.live.range_state import RangeShot, RangeSource, RangeState, range_state, source_state
+from recoil_daq.live.range_state import RangeShot, RangeSource, RangeState, source_state
 from recoil_daq.live.shot import LiveShot
+from tests.builders.range_states import day
 
 COUNTED = Counters(received=80_000, counter_gaps=0, queue_high_water=41)
 CAN = SourceStatus("can", "can", 8000.0, 0.01, COUNTED, "", "frames")
@@ -42,4 +43,11 @@ def status(**changes: Any) -> LiveStatus:
 def state_of(status: LiveStatus, shots: Sequence[LiveShot] = ()) -> RangeState:
     """Return the state of a session of live sources only."""
     sources = [RangeSource(s.name, s.kind, source_state(s, lost=False), s) for s in status.sources]
-    return range_state(status, sources, [RangeShot.of(shot) for shot in shots], rig="mixed")
+    shown = tuple(RangeShot.of(shot) for shot in shots)
+    peaks = next((shot.peaks for shot in reversed(shown) if shot.peaks), {})
+    return day(
+        state=status.state, since_s=0.0, alert=status.alert, next_shot="", sources=tuple(sources), shots=shown,
+        channels=tuple(one.with_peak(peaks.get(one.name)) for one in status.channels), triggered=status.shots,
+        armed_s=status.armed_s, notices=(), campaign=None, watched=None, disk_free_bytes=status.disk_free_bytes,
+        journal_bytes=status.journal_bytes, unsynced_s=status.unsynced_s, unseen_bytes=status.unseen_bytes,
+    )  # fmt: skip

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.estimate.budget import BudgetRow, with_shapes_together
 from recoil_identification.estimate.mass import FRICTION, RANDOM, MassEstimate
@@ -40,8 +40,6 @@ from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE, ZERO
 from recoil_identification.rows.travel_rows import ForcedTravel, TravelRows
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
-
-Array = NDArray[np.float64]
 
 FURTHEST_DRAW = 1.0
 """Largest departure of a drawn logarithm of the mass that is kept."""

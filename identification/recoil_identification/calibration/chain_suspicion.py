@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.mass_over_time import LEAST_FACTOR, as_if_known
@@ -23,8 +23,6 @@ from recoil_identification.rows.causes import Cause
 from recoil_identification.rows.equation_of_motion import MASS
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
-
-Array = NDArray[np.float64]
 
 AS_WELL = 2.0
 """Logarithm of the Bayes factor by which another shape may lie below the likeliest and explains the shot as well."""

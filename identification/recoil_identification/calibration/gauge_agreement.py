@@ -18,8 +18,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.unknown import Prior, Unknown
@@ -31,8 +31,6 @@ from recoil_processing.shot.gauge_zero import MOVES_S, moving_zero_pa, zero_move
 from recoil_processing.shot.sensor_scales import of_gauge
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import Rig
-
-Array = NDArray[np.float64]
 
 MEAN_S = 1e-3
 """Over which differences are averaged: their noise is white."""

@@ -22,8 +22,8 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE, probability_text
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import Calibration, calibration_of
@@ -36,7 +36,6 @@ from recoil_identification.rows.travel_rows import ForcedTravel
 from recoil_processing.filters import filter_alike
 from recoil_processing.shot.regression import Regression
 
-Array = NDArray[np.float64]
 Kind = Literal["drift", "step"]
 
 WALK = 0.03

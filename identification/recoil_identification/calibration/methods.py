@@ -24,8 +24,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_identification.calibration.calibration import Calibration, all_unknowns, calibration_of
 from recoil_identification.calibration.gauge_agreement import gauge_agreement
 from recoil_identification.calibration.noise_in_motion import noise_in_motion, travel_with_noise
@@ -54,7 +54,6 @@ from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
 from recoil_processing.shot.signals import Signals
 
-Array = NDArray[np.float64]
 Method = Literal["calibrated", "reverse", "forward", "paper", "camera", "tls"]
 """Name of a method that gives a mass."""
 METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")

@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.block import Block, JointBlock, LinearBlock
 from recoil_identification.inference.correlation import Correlation
@@ -27,8 +27,6 @@ from recoil_identification.rows.motion_noise import PARTS, WHITE, MotionParts, l
 from recoil_identification.rows.row_noise import RowNoise, by_filter, correlation_of, rest_covariance
 from recoil_identification.rows.travel_rows import ForcedTravel, TravelRows
 from recoil_processing.shot.error_source import ErrorSource
-
-Array = NDArray[np.float64]
 
 WIDER = 6.0
 """Factor on the standard uncertainty of what is known of scales and friction, meanwhile."""

@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_processing.shot.regression import Regression
-
-Array = NDArray[np.float64]
 
 LEAST_SAMPLES = 20
 """Count at and below which a distribution says nothing."""

@@ -12,14 +12,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.rows.causes import SKEW
 from recoil_processing.alignment.channel_skew import LEAST_NORMALISED_SKEW, measure_skew
 from recoil_processing.shot.regression import Regression
-
-Array = NDArray[np.float64]
 
 AROUND_S = 0.03
 """Kept around the identification interval for the low-pass."""

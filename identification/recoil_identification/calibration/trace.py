@@ -7,17 +7,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.estimate.mass import correlation_factor
 from recoil_identification.memory.limited_memory import limited_memory_least_squares, window_sums
 from recoil_identification.memory.window_length import WindowChoice, choose_window
 from recoil_processing.shot.regression import Regression, spaced_rows
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 SHORTEST_S = 2.5e-3
 """Shortest memory that is tried: below, the pulse alone tells enough, and nothing after it."""

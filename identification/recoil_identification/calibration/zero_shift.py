@@ -17,8 +17,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.measured import Worded, joined, measured, worded
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.estimate.mass import ACCELERATION
@@ -27,8 +27,6 @@ from recoil_identification.rows.camera_rows import OTHER_ZERO, CameraRows
 from recoil_identification.rows.equation_of_motion import shift
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE, ZERO
 from recoil_processing.shot.regression import Regression
-
-Array = NDArray[np.float64]
 
 TIME_CONSTANTS_S = (0.01, 0.02, 0.05, 0.1)
 """Time constants of decays that are tried: shorter ones are part of the pulse, longer ones are steps over one

@@ -14,15 +14,13 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.campaign.constancy import CHANGES, beside_shared_change
 from recoil_identification.campaign.joint_fit import JointFit, Trial, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.estimate.rounding import in_kg
-
-Array = NDArray[np.float64]
 
 LEAST_OWN = 1e-3
 """Probability of what a shot leaves of its own rows, below which it is no chance that it is so much."""

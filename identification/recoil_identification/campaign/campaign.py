@@ -7,9 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
 from recoil_acquisition.remark import Note, Reason
 from recoil_identification.campaign.advice import Advised
 from recoil_identification.campaign.agreement import Agreement
@@ -23,8 +20,6 @@ from recoil_identification.campaign.next_steps import NextStep, next_steps
 from recoil_identification.estimate.budget import COVERAGE_FACTOR, BudgetRow, effective_degrees_of_freedom
 from recoil_identification.estimate.rounding import in_kg
 from recoil_rigs.tables.specification import Specification
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.remark import Caution
 from recoil_identification.campaign.advice import weighed_to_kg
 from recoil_identification.campaign.joint_fit import JointFit, Trial, joint_fit
@@ -24,8 +24,6 @@ from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.campaign.suspicion import CERTIFIED, WRITTEN, Suspicion
 from recoil_identification.inference.estimate import LEAST_REDUNDANCY
 from recoil_identification.shot.shot_summary import LN_MASS
-
-Array = NDArray[np.float64]
 
 MOST_CHANGES = 3
 LEVEL = 0.005

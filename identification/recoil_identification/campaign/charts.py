@@ -15,11 +15,9 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.estimate.budget import COVERAGE
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 RULE_SET = "ISO 7870-2:2023, Nelson's rules 1, 2, 3, 5, 6"
 RULES = {

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
@@ -42,8 +41,6 @@ from recoil_identification.shot.shot_summary import LN_MASS
 from recoil_processing.shot.error_source import SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import BORE_FRICTION
-
-Array = NDArray[np.float64]
 
 LEAST_SHOTS = 2
 

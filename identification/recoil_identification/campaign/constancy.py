@@ -17,17 +17,14 @@ from dataclasses import dataclass
 from statistics import median
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_identification.calibration.mass_over_time import DRIFT, HIDDEN_U, LEAST_FACTOR, STEP
 from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.inference.score import Scores
 from recoil_identification.shot.shot_summary import LN_MASS_DRIFT, STEPS_AT, ln_mass_step
-
-Array = NDArray[np.float64]
-
 
 MAY_REPEAT = 0.01
 """Share of the acceleration that forces and motion leave of one another in a coloured way, above which nothing is said:

@@ -23,8 +23,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.campaign.joint_rows import Column, JointRows, Scatter, WhiteRows
 from recoil_identification.estimate.budget import BudgetRow
@@ -33,8 +33,6 @@ from recoil_identification.inference.solve import solve
 from recoil_identification.rows.unread_resistance import FORCE as UNREAD_FORCE
 from recoil_identification.shot.shot_summary import FRICTION_SHARE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-
-Array = NDArray[np.float64]
 
 GAINS_REL = (0.0, 1e-4, 2e-4, 3.5e-4, 5e-4, 7e-4, 1e-3, 1.5e-3, 2e-3, 3e-3, 5e-3)
 FRICTIONS_REL = (0.0, 0.02, 0.05, 0.1, 0.2)

@@ -21,6 +21,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.influence import Influence, influences_of
@@ -35,8 +36,6 @@ from recoil_identification.shot.shot_summary import (
 )
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES
-
-Array = NDArray[np.float64]
 
 USUAL_GAIN_REL, USUAL_FRICTION_REL = 5e-4, 0.03
 """Means of what is known of scatters beforehand, exponential: gauges repeat to .05 % or .1 %, packings to a few

@@ -6,12 +6,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.shot.firing_record import CURVE_POINTS, CURVES, Curves
-
-Array = NDArray[np.float64]
 
 MOST_SINGLE = 40
 """Shots whose curves are drawn one by one; of more, those that stand out and some of the others."""

@@ -12,12 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc  # scipy.stats has it too, but takes half a second to import
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
-
-Array = NDArray[np.float64]
 
 SIGNIFICANCE = 0.05
 """Probability below which masses are said to differ."""

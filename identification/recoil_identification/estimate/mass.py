@@ -21,13 +21,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_identification.estimate.budget import BudgetRow, combined_u, coverage_factor, effective_degrees_of_freedom
 from recoil_identification.estimate.rounding import in_kg, rounded
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, telling_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
-
-Array = NDArray[np.float64]
 
 MEASURAND = "the mass that the forces move: oil and rods that go along, and what was added for the shot, included"
 MEASURAND_OF_SHOTS = "the mass that the forces move: oil and rods that go along included, what was added left out"

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_identification.estimate.budget import COVERAGE
-
-Array = NDArray[np.float64]
 
 RPE_MEANING = "noise can only raise the RPE, so its interval may be one-sided and begin at the RPE itself"
 """Explanation of its interval for a reader."""

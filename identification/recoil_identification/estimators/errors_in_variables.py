@@ -20,14 +20,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.errors import IdentificationError
 from recoil_processing.gaps import runs_of
 from recoil_processing.shot.clocks.autoregressive_noise import long_run_variance
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LEAST_ROWS = 20
 """Fewest rows: with less there is no telling errors that are correlated from a mass that is wrong."""

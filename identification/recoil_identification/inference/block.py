@@ -8,12 +8,10 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.correlation import Correlation
-
-Array = NDArray[np.float64]
 
 
 class Block(Protocol):

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.unknown import Prior, Unknown, exactly_known
-
-Array = NDArray[np.float64]
 
 LEAST_REDUNDANCY = 1e-4
 """Share of a prior's variance below which everything else says nothing about a prior, and it has no normalised

@@ -9,11 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_identification.inference.block import Block
 from recoil_identification.inference.estimate import LEAST_REDUNDANCY, Estimate
 from recoil_identification.inference.unknown import Prior, Unknown, exactly_known
-
-Array = NDArray[np.float64]
 
 MOST_STEPS = 50
 MOST_HALVINGS = 30

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 
-Array = NDArray[np.float64]
 Scope = Literal["sensor", "rig", "shot"]
 ROUNDING = 1e-9
 """Correlation by which the two halves of a covariance may differ."""

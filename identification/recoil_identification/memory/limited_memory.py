@@ -20,11 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 GUARDED_PIVOT = 1e-4
 """Sums of products serve above this smallest pivot: their relative error, about 30 eps / pivot, is below 1e-10."""

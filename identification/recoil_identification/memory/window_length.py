@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.memory.limited_memory import Array, limited_memory_least_squares
+from recoil_identification.memory.limited_memory import limited_memory_least_squares
 
 LEAST_BATCHES = 8
 """Batches of predictions, each as long as the longest window, from which their scatter is found."""

@@ -82,6 +82,17 @@ CORRELATIONS = Section(
     tables.correlations,
 )
 
+_BUDGET_FIGURES = (
+    Column("estimate", "Estimate", "number"),
+    Column("u_source", "u of the source", "number"),
+    Column("sensitivity", "Sensitivity", "number"),
+    Column("freedom", "ν", "number"),
+    Column("u", "u", "number", "kg"),
+    Column("share", "Share", "number", "%"),
+    Column("width", "", "bar"),
+)
+"""Columns of a source's figures in the budget of a shot and of a campaign."""
+
 SHOT_SECTIONS: tuple[Section, ...] = (
     Section("mass", figure="mass"),
     Section(
@@ -109,13 +120,7 @@ SHOT_SECTIONS: tuple[Section, ...] = (
             Column("source", "Source", "name", wide=True),
             Column("group", "Group", "long"),
             Column("kind", "Type"),
-            Column("estimate", "Estimate", "number"),
-            Column("u_source", "u of the source", "number"),
-            Column("sensitivity", "Sensitivity", "number"),
-            Column("freedom", "ν", "number"),
-            Column("u", "u", "number", "kg"),
-            Column("share", "Share", "number", "%"),
-            Column("width", "", "bar"),
+            *_BUDGET_FIGURES,
         ),
         tables.budget,
         total=tables.budget_total,
@@ -267,13 +272,7 @@ CAMPAIGN_SECTIONS: tuple[Section, ...] = (
             Column("source", "Source", "name", wide=True),
             Column("group", "Group", "long"),
             Column("scope", "Shared by"),
-            Column("estimate", "Estimate", "number"),
-            Column("u_source", "u of the source", "number"),
-            Column("sensitivity", "Sensitivity", "number"),
-            Column("freedom", "ν", "number"),
-            Column("u", "u", "number", "kg"),
-            Column("share", "Share", "number", "%"),
-            Column("width", "", "bar"),
+            *_BUDGET_FIGURES,
         ),
         tables.budget,
         after=campaign_tables.coverage,

@@ -26,8 +26,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.unknown import Scope
 from recoil_identification.rows.causes import MOST_OF_RATE, SLOPE_HZ, Cause, filtered_columns
@@ -41,8 +41,6 @@ from recoil_rigs.rig import ChannelSpec, Rig
 from recoil_rigs.shots.assemble import range_si
 from recoil_rigs.tables.force_input import ForceInput
 from recoil_rigs.tables.rig_tables import GAUGE_ROLES
-
-Array = NDArray[np.float64]
 
 BREECH = GAUGE_ROLES[0]
 OF_CHAIN = (

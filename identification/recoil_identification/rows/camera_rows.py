@@ -20,8 +20,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
@@ -38,8 +38,6 @@ from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.assumptions import CARRIAGE_ROLES
 from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
-
-Array = NDArray[np.float64]
 
 MEAN_S = 1e-3
 """Over which frames are averaged: the rows of the motion hold nothing that is faster."""

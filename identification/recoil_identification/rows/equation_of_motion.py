@@ -25,13 +25,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.unknown import Unknown
 from recoil_identification.rows.causes import Cause
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
-
-Array = NDArray[np.float64]
 
 LARGEST_STEP = 0.3
 """Largest change of a scale in one iteration: a shot that no calibration fits would otherwise throw a scale far off."""

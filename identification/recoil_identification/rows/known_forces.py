@@ -22,7 +22,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.unknown import Prior, Unknown
@@ -38,8 +37,6 @@ from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.knowledge import KnownLoad, ProjectileImpulse
-
-Array = NDArray[np.float64]
 
 BREECH = "breech_pressure"
 OF_READING = (

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
@@ -20,8 +20,6 @@ from recoil_identification.rows.causes import Cause, moving_zero
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.gauge_zero import MOVES_S, U_GAS_PA, empty_bore_s, zero_moves
 from recoil_processing.shot.signals import Signals
-
-Array = NDArray[np.float64]
 
 ROLE = "breech_pressure"
 ZERO = ErrorSource(SourceKind.ZERO, ROLE)

@@ -21,11 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import integrate
 from recoil_processing.shot.regression import Regression
-
-Array = NDArray[np.float64]
 
 CORRELATED = (0.03, 0.1)
 """Correlation times of the coloured parts, share of the travel's time."""

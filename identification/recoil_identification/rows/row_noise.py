@@ -16,6 +16,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.correlation import Correlation
@@ -26,8 +27,6 @@ from recoil_processing.double_integral import integrate
 from recoil_processing.filters import LowPassFilter
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
 from recoil_processing.shot.regression import Regression, spaced_rows
-
-Array = NDArray[np.float64]
 
 PROPORTIONAL = 1e-3
 """Standard deviation of what is proportional to the acceleration, share of it."""

@@ -8,15 +8,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recoil_identification.estimate.mass import FRICTION, force_scale, motion_scale
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
-
-Array = NDArray[np.float64]
 
 ZERO = ErrorSource(SourceKind.ZERO, "recoil_acceleration")
 RELEASE = ErrorSource(SourceKind.RELEASE)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
@@ -23,8 +21,6 @@ from recoil_processing.shot.kinematics import fused_motion, travel_and_velocity
 from recoil_processing.shot.signals import Signals, at_instants
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.fired_shot import FiredShot
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

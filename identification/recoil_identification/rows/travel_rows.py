@@ -22,6 +22,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.correlation import Correlation
 from recoil_identification.inference.unknown import Prior
@@ -36,8 +37,6 @@ from recoil_processing.picture_bends import picture_bends
 from recoil_processing.shot.clocks.camera_track import CameraTrack
 from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-
-Array = NDArray[np.float64]
 
 BAND_HZ = 100.0
 """Band within which white noise of the acceleration is counted."""

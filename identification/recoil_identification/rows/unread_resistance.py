@@ -19,16 +19,14 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_identification.rows.causes import Cause, filtered_columns
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
-
-Array = NDArray[np.float64]
 
 SHARE = ErrorSource(SourceKind.UNREAD_SHARE)
 SLIDE = ErrorSource(SourceKind.SLIDE_FRICTION)

@@ -6,13 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.shot.identified import Identification
 from recoil_processing.shot.regression import PRESSURE_ROLES
-
-Array = NDArray[np.float64]
 
 CURVES = ("breech_pressure_pa", "recoil_acceleration_m_s2", "recoil_travel_m")
 OF_ROLE = {

@@ -7,9 +7,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.files.strict_json import as_floats
 from recoil_acquisition.read_only import ReadOnlyArrays
@@ -41,7 +38,6 @@ from recoil_processing.shot.regression import spaced_rows
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_rigs.tables.specification import Specification
 
-Array = NDArray[np.float64]
 DEFAULT_WINDOW_S = 0.02
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import singledispatch
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
@@ -34,8 +34,6 @@ from recoil_rigs.mechanism.line import Line
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 from recoil_rigs.rig import MotionAlignment, RedundantAlignment
 from recoil_rigs.shots.fired_shot import FiredShot
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note
@@ -22,8 +20,6 @@ from recoil_processing.filters import LowPassFilter
 from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import BESIDE, Calibration
 from recoil_identification.calibration.mass_over_time import TRIMMED, steps_behind
@@ -39,8 +39,6 @@ from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import ChannelSpec, Rig
 from recoil_rigs.tables.force_input import ForceInput
 from recoil_rigs.tables.rig_tables import FORCE_ROLES
-
-Array = NDArray[np.float64]
 
 SCHEMA = 1
 LN_MASS, FRICTION_SHARE, FRICTION_N, LN_ACCELERATION = "ln mass", "friction share", "friction", "ln recoil_acceleration"

@@ -15,14 +15,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.remark import Note, Reason
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,10 @@ would have left in the slow samples, each band of frequencies at a phase of its 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.clocks.timebase import usual_step_s
 from recoil_processing.filters.analog_filter import AnalogLowPass
-
-Array = NDArray[np.float64]
 
 BANDS_PER_RATE = 4
 """Number of bands into which the frequencies above half the source's rate are divided: a mode or two in each."""

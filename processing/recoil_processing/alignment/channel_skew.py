@@ -12,13 +12,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_processing.alignment.correlation import coarse_lag
 from recoil_processing.alignment.lag_fit import GRID_PER_PERIOD, LagRows, solve_lag
 from recoil_processing.filters import LowPass
-
-Array = NDArray[np.float64]
 
 LEAST_SAMPLES = 50
 """Number of samples below which two records are not compared."""

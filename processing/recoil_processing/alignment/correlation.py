@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from recoil_acquisition.arrays import Array
 
 MINIMUM_OVERLAP = 0.25
 """Least share of each record's energy that must overlap for a lag to be a candidate."""

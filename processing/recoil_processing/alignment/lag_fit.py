@@ -19,16 +19,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import LowPass
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 GRID_PER_PERIOD = 10
 """Points of the source's grid per period of the cut-off."""

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from recoil_acquisition.arrays import Array
+
 Places = NDArray[np.int64]
 
 BY_THE_STEP = 0.25

@@ -30,8 +30,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.clocks.timebase import usual_step_s
 from recoil_acquisition.measured import measured, worded
 from recoil_processing.alignment.correlation import CoarseLag, coarse_lag
@@ -43,9 +43,6 @@ from recoil_processing.alignment.motion_solver import LEAST_FRAMES, MotionSolver
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.noise import noise_sigma
 from recoil_processing.outliers import contradicting
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 INFLATIONS = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0)
 """Candidate factors on the accelerometer's noise density: ringing and mounting add to its white noise."""

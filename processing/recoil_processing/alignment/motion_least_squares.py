@@ -10,16 +10,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.lag_fit import NEGLIGIBLE_STEP
 from recoil_processing.alignment.velocity_walk import WalkFilter
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.picture_bends import picture_bends
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LONGEST_STEP_S = 2e-3
 """Time by which the offset may move at once: over it a recoil's travel is nearly a parabola."""

@@ -9,11 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_processing.alignment.motion_least_squares import MotionModel, MotionSolution, gauss_newton_step
-
-Array = NDArray[np.float64]
 
 LIKELIER = 2.0
 """Log-likelihood that a further density must gain: Akaike's criterion for one more parameter, doubled."""

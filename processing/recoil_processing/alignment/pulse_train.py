@@ -18,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.lattice import LEAST_STAMPS, Lattice, find_lattice
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 MOST_RATE = 0.02

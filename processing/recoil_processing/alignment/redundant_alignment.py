@@ -18,8 +18,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.readers.time.bursts import find_bursts
 from recoil_processing.alignment.aliasing import folded_samples, usual_filter
 from recoil_processing.alignment.correlation import coarse_lag
@@ -27,9 +27,6 @@ from recoil_processing.alignment.lag_fit import GRID_PER_PERIOD, LagRows, solve_
 from recoil_processing.filters import LowPass
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.gaps import near
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LEAST_SAMPLES = 50
 """Number of samples below which, on either side, two records are not compared."""

@@ -11,14 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_processing.alignment.pulse_train import MOST_RATE, Indices, Pairing, pair_pulses
 from recoil_processing.gaps import LONGEST_STEP
 from recoil_processing.noise import robust_sigma
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 HYSTERESIS = 0.25
 """Share of a pulse's range, from either end, that the signal must reach: noise on a slow edge is one edge."""

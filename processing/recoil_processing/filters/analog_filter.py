@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from recoil_acquisition.arrays import Array
+
 FilterType = Literal["bessel", "butterworth"]
 
 MOST_ORDER = 25

@@ -13,8 +13,8 @@ from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_processing.filters.two_pass import TwoPass
 from recoil_processing.filters.zero_phase_filter import (
     FilterDescription,
@@ -23,9 +23,6 @@ from recoil_processing.filters.zero_phase_filter import (
     check_rate,
     check_shape,
 )
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 ROWS_PER_CUTOFF = 2.5
 """Rows per period of the cut-off to which a filtered record is thinned: white noise is uncorrelated at about two."""

@@ -11,13 +11,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_processing.filters.two_pass import TwoPass
 from recoil_processing.filters.zero_phase_filter import FilterDescription, apply_bridged, check_rate, check_shape
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 CORNER = 2.0775
 """Corner of one pass over the class: the -6 dB point of both."""

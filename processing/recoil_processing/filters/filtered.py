@@ -19,12 +19,9 @@ from types import MappingProxyType
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_processing.filters.zero_phase_filter import FilterDescription, ZeroPhaseFilter
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 class Filtered(Mapping[str, Array]):

@@ -15,14 +15,11 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.others import announced, at_work, named
 from recoil_processing.filters.butterworth import LowPass
 from recoil_processing.filters.zero_phase_filter import FilterDescription, LowPassFilter
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 GROUP = "recoil_daq.filters"
 """Entry points by which other packages announce their filters."""

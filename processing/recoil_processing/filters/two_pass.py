@@ -12,12 +12,11 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters.zero_phase_filter import check_finite
 
-Array = NDArray[np.float64]
 Start = Literal["steady", "mean of ten"]
 
 STANDARD_MEAN = 10

@@ -13,12 +13,9 @@ from dataclasses import dataclass, field
 from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_processing.gaps import bridge, near
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LEAST_SAMPLES = 2
 """Samples of a channel below which there is nothing to filter."""

@@ -25,17 +25,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.motion_solver import LIKELIER
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.fusion_least_squares import solve_fusion
 from recoil_processing.outliers import contradicting
 from recoil_processing.repairs.bridged_gaps import bridge_errors
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LEAST_FRAMES = 10
 """Number of frames below which the constants and a noise level are not identifiable."""

@@ -9,16 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.motion_least_squares import LEAST_INDEPENDENCE
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.walk_smoother import WalkSmoother
 from recoil_processing.repairs.bridged_gaps import BridgedGap
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 SAME_INSTANT = 1e-3
 """Share of the recorder's step within which a gap's edge and a frame are one node."""

@@ -17,14 +17,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.velocity_walk import WalkFilter
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.outliers import contradicting
-
-Array = NDArray[np.float64]
 
 LEAST_FRAMES = 50
 """Number of frames below which scale, zero and shifts are not identifiable."""

@@ -9,15 +9,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_processing.quality.limits import LIMITS, Outcome
 
 LEAST_SAMPLES_CORRELATED = 8
 """Number of samples below which nothing is correlated."""
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 TOLERANCE_U = 3.0
 """Standard uncertainties of mass and sensors that the impulse may be off."""

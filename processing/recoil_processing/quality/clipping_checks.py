@@ -9,8 +9,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.measured import Worded, joined, measured, worded
 from recoil_processing.gaps import longest_run
 from recoil_processing.noise import noise_sigma
@@ -21,8 +21,6 @@ from recoil_processing.repairs.clipping import PILED_UP, find_cut_off
 LEAST_RATES = 64
 """Samples below which no rate is judged."""
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 PULSE_FOOT = 0.1
 """Share of the peak from which on a sample is one of the pulse."""

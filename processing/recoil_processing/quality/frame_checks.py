@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.quality_check import Verdict
 from recoil_acquisition.readers.tracks.rest import rest_repeats
 from recoil_processing.noise import hiding_resolution, noise_sigma
@@ -19,8 +20,6 @@ from recoil_processing.quality.limits import LIMITS, Outcome
 LEAST_FRAMES = 3
 """Frames that have a rate."""
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 PLAYBACK = 1.5
 """Ratio of two frame rates beyond which one of them is that of the playback."""

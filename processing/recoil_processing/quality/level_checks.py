@@ -8,14 +8,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.measured import measured, worded
 from recoil_processing.noise import robust_sigma
 from recoil_processing.quality.limits import LIMITS, Outcome
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 NO_SAMPLE = "no sample at all: check the sensor and its signal's name"
 

@@ -8,16 +8,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.clocks.timebase import usual_step_s
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
 from recoil_processing.gaps import longest_run
 from recoil_processing.quality.level_checks import NO_SAMPLE
 from recoil_processing.quality.limits import LIMITS, Outcome
 from recoil_processing.repairs.dropouts import BLOCKS, LEAST_RUN, LEAST_STEPS, judge_steps
-
-Array = NDArray[np.float64]
 
 BLOCK = 1000
 """Samples of each that are looked at."""

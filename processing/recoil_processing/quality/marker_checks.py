@@ -11,16 +11,13 @@ import math
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.measured import measured, worded
 from recoil_processing.noise import hiding_resolution, noise_sigma, robust_sigma
 from recoil_processing.quality.frame_checks import SHOWN
 from recoil_processing.quality.limits import LIMITS, Outcome
 from recoil_processing.quality.track_quality import held_ends
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 BLOCK_S = 0.05
 """Time over which noise is compared."""

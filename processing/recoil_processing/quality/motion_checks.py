@@ -9,15 +9,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_processing.quality.level_checks import NO_SAMPLE
 from recoil_processing.quality.limits import LIMITS, Outcome
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 SPAN_S = 4e-3
 """Span over which the camera's velocity is taken: 0.05 mm of noise at 6000 frames/s then is 0.02 m/s."""

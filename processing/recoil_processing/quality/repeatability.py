@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_processing.filters import LowPassFilter
 from recoil_processing.quality.limits import LIMITS, Outcome
-
-Array = NDArray[np.float64]
 
 LEAST_SHOTS = 3
 """Number of shots below which a spread is no figure."""

@@ -8,14 +8,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.measured import measured, worded
 from recoil_processing.quality.limits import LIMITS, Outcome
 from recoil_processing.stress_waves.shock_response import octave_frequencies, shock_response
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LEAST_SPECTRUM = 64
 """Samples of a part below which no spectrum is taken of it."""

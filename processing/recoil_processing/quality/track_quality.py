@@ -9,17 +9,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.clocks.timebase import usual_step_s
 from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.readers.tracks.rest import rest_repeats
 from recoil_processing.noise import hiding_resolution, noise_sigma, robust_sigma
 from recoil_processing.quality.frame_checks import MOVING_SIGMA
 from recoil_processing.quality.limits import LIMITS, Outcome
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LEAST_REST = 16
 """Frames at either end from which the mark's place at rest is estimated."""

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.measured import measured, worded
 from recoil_processing.quality.limits import Outcome
-
-Array = NDArray[np.float64]
 
 LEAST_JUMP = 0.8
 """Share of all that a signal takes between its extremes that a jump over its word makes at the least."""

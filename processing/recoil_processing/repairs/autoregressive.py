@@ -17,11 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.gaps import bridge
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 MOST_ORDER = 48
 """Order of the model: a dozen modes and the pulse."""

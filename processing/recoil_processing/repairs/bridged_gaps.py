@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_processing.gaps import runs_of
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 NEARBY_S = 0.02
 """Time around a gap within which bridges are tried at least: the recoil pulse is shorter."""

@@ -16,17 +16,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.quantity import Unit
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.gaps import bridge, longest_run, runs_of
 from recoil_processing.noise import noise_sigma
 from recoil_processing.repairs.autoregressive import MOST_ORDER, Interpolation, interpolate_unknown
 from recoil_processing.repairs.repair import Repair, RepairKind
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LONGEST_SHARE = 0.25
 """Share of the local wave that a run may be to be repaired. A sine that is clipped so long goes 1.3 times as high."""

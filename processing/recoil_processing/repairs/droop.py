@@ -11,15 +11,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
 from recoil_processing.repairs.bridged_gaps import bridge_errors
 from recoil_processing.repairs.repair import Repair, RepairKind, changed
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

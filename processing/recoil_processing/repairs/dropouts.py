@@ -10,16 +10,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.clocks.timebase import rounded_step_s, usual_step_s
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.gaps import runs_of
 from recoil_processing.repairs.repair import Repair, RepairKind
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 CHANCE = 1e-6
 """Runs of equal values that noise may make in a record."""

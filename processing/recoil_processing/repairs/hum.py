@@ -16,15 +16,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.repairs.hum_line import HumLine
 from recoil_processing.repairs.mains_fit import NEIGHBOURS, Baseline
 from recoil_processing.repairs.repair import Repair, RepairKind, changed
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 MAINS_HZ = (50.0, 60.0)
 MOST_HARMONICS = 10

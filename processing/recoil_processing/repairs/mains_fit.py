@@ -10,10 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.repairs.hum_line import HumLine
-
-Array = NDArray[np.float64]
 
 ABOVE_DB = 10.0
 """Level by which a line must rise over its neighbours."""

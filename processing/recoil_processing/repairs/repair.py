@@ -22,13 +22,10 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.gaps import runs_of
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 class RepairKind(StrEnum):

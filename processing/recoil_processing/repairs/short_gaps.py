@@ -14,14 +14,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.quantity import Unit
 from recoil_processing.gaps import bridge, runs_of
 from recoil_processing.noise import noise_sigma
 from recoil_processing.repairs.bridged_gaps import NEARBY_LENGTHS
 from recoil_processing.repairs.repair import Repair, Repaired, RepairKind
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 HIGHEST_CUTOFF_HZ = 1000.0
 """Cut-off of the widest low-pass behind which a bridge must not be noticed: that of the mass is lower."""

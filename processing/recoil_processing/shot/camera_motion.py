@@ -7,17 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.alignment.motion_alignment import INFLATIONS
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.scale_and_zero import CameraMotion, camera_motion
 from recoil_processing.shot.signals import Signals
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

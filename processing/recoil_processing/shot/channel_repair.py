@@ -13,8 +13,8 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.read_only import ReadOnlyArrays
@@ -27,9 +27,6 @@ from recoil_processing.repairs.repair import Repair, Repaired
 from recoil_processing.repairs.short_gaps import bridge_short_gaps
 from recoil_rigs.rig import ChannelSpec
 from recoil_rigs.shots.assemble import range_si, shown_unit
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 U_TIME_CONSTANT = 0.05
 """Relative standard uncertainty of a chain's time constant where none is declared: that of its components."""

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_processing.shot.thinned import thinned_beside
 from recoil_rigs.rig import ChannelSpec
 from recoil_rigs.shots.assemble import range_si
 from recoil_rigs.tables.rig_tables import UNRESTED_U_ZERO_REL
-
-Array = NDArray[np.float64]
 
 MOVES_S = (2e-3, 30e-3, 0.3)
 """Time constants of the ways in which a gauge's zero may move at the shot: at once, as a late ramp does and one that is

@@ -16,6 +16,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.clocks.timebase import TimeBase, rounded_step_s
 from recoil_acquisition.frames.count_cycle import CountCycle, find_cycle
@@ -37,8 +38,6 @@ from recoil_processing.alignment.stamps import EvenStamps, even_stamps, share_at
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_rigs.rig import ChannelSpec, Sensor, Source
 from recoil_rigs.shots.fired_shot import FiredChannel, FiredShot
-
-Array = NDArray[np.float64]
 
 STAMPED_KINDS = ("can", "serial")
 """Kinds of source whose samples are stamped one by one, and late."""

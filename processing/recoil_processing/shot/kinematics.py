@@ -14,8 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment
@@ -36,9 +36,6 @@ from recoil_rigs.mechanism.model import (
 )
 from recoil_rigs.rig import Rig
 from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 ANGULAR_CUTOFF_HZ = 150.0
 """Low-pass of the angular rates before they are differentiated for the lever arms, which are small terms."""

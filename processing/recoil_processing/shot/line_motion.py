@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import integrate
@@ -21,9 +21,6 @@ from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.motion.derivative import first_derivative, second_derivative
 from recoil_processing.noise import noise_sigma, robust_sigma
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 SMOOTH_SHARE = 0.1
 """Cut-off of a speed that is differentiated of a displacement, share of the rate."""

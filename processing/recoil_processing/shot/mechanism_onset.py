@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from functools import singledispatch
 
-import numpy as np
-from numpy.typing import NDArray
-
+from recoil_acquisition.arrays import Array
 from recoil_processing.shot.line_motion import acceleration_on_line, driven_s
 from recoil_processing.shot.onset import find_onset
 from recoil_rigs.mechanism.line import Line
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
-
-Array = NDArray[np.float64]
 
 
 @singledispatch

@@ -6,13 +6,11 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.thinned import thinned_beside
-
-Array = NDArray[np.float64]
 
 LEAST_LEVEL_SAMPLES = 8
 """Number of samples below which there is no level of the pre-trigger baseline."""

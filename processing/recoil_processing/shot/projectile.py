@@ -7,13 +7,11 @@ drag take off, and that the gas moves with it, changes the exit by a few parts i
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
-
-Array = NDArray[np.float64]
 
 RISE_S = 3e-4
 """Time constant with which a muzzle brake's force comes up behind the projectile."""

@@ -19,6 +19,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import Filtered, LowPassFilter, filter_alike
@@ -28,9 +29,6 @@ from recoil_processing.shot.signals import Signals
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.tables.force_input import SIGNS
 from recoil_rigs.tables.rig_tables import GAUGE_ROLES
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 FORCES = ("breech", "brake", "recuperator", "friction")
 """Order of the force columns."""

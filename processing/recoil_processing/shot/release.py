@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
 from recoil_processing.shot.thinned import factor_of, thinned_beside
-
-Array = NDArray[np.float64]
 
 SUSTAINED = 10
 """Samples in a row with a driving force that count as the release."""

@@ -14,8 +14,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import IdentificationError
@@ -29,9 +29,6 @@ from recoil_processing.shot.instants import instants
 from recoil_processing.shot.mechanism_onset import onset_s
 from recoil_processing.shot.onset import LEAST_LEVEL_SAMPLES
 from recoil_rigs.shots.fired_shot import FiredShot
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 BASELINE_MARGIN_S = 1e-3
 """Time kept between the pre-trigger baseline and the onset of force."""

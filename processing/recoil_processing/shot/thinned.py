@@ -12,15 +12,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_processing.gaps import bridge
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.rig_tables import ExposureAlignment, TriggerAlignment
-
-Array = NDArray[np.float64]
 
 THINNED_ABOVE_HZ = 100e3
 """Rate above which a channel is thinned."""

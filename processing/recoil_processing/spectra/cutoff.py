@@ -15,8 +15,8 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.files.strict_json import as_floats
 from recoil_processing.filters import LowPass
 from recoil_processing.spectra.spectral_gap import (
@@ -29,7 +29,6 @@ from recoil_processing.spectra.spectral_gap import (
 )
 from recoil_processing.spectra.spectrum import POINTS_PER_OCTAVE
 
-Array = NDArray[np.float64]
 Confidence = Literal["sure", "doubtful", "none"]
 
 HALF_ORDER = 4

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_processing.gaps import bridge
 from recoil_processing.spectra.spectrum import Spectrum, multitaper, smooth
-
-Array = NDArray[np.float64]
 
 BEFORE_S = 5e-3
 """Length of the window before the shot."""

@@ -14,15 +14,13 @@ from dataclasses import dataclass, replace
 from statistics import median
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Complex
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import near, runs_of
 from recoil_processing.spectra.spectrum import multitaper, smooth
 
-Array = NDArray[np.float64]
 Window = tuple[int, int]
-Complex = NDArray[np.complex128]
 
 ABOVE_FLOOR = 4.0
 """Density of ringing over that of the white floor; a smoothed floor scatters by less."""

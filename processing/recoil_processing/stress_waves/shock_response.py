@@ -11,11 +11,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
-
-Array = NDArray[np.float64]
 
 QUALITY_FACTOR = 10.0
 """Usual for shock, MIL-STD-810H: 5 % of critical damping."""

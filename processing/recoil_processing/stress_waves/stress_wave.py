@@ -13,17 +13,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import LowPassFilter
 from recoil_processing.gaps import bridge, near
 from recoil_processing.spectra.cutoff import CutoffChoice, choose_cutoff
 from recoil_processing.spectra.spectral_gap import rest_level, shot_window
 from recoil_processing.stress_waves.ringing import Mode, ringing_modes
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 MOST_PERIODS_OFF = 0.03
 """Largest standard uncertainty of the onset, in periods of the cut-off."""

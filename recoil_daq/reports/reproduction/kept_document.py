@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from recoil_acquisition.files.regular_file import read_small
-from recoil_acquisition.files.strict_json import read_json, told_in_one_line
+from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_daq.reports.drawings import Draw
 from recoil_daq.reports.reproduction.ingredient import Ingredient
 from recoil_daq.reports.stored_shot import StoredShot
@@ -19,7 +19,7 @@ from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.document.report_files import (
     computer,
-    refuse_deep,
+    of_schema,
 )
 from recoil_identification.report.document.reproduction import Comparison
 
@@ -92,10 +92,7 @@ class KeptDocument(ABC):
         path = Path(path) / cls.file if Path(path).is_dir() else Path(path)
         content = read_small(path, cls.largest, cls.called[0])
         with told_in_one_line(f"this is no {cls.called[1]} that can be made again", path, remedy=cls.anew):
-            document = read_json(content)
-            if document["schema"] != cls.schema:
-                raise ValueError(f"schema {document['schema']!r}")
-            refuse_deep(document)
+            document = of_schema(content, cls.schema)
             kept = cls(document, path, other_digits(content))
             kept._needed()
         return kept

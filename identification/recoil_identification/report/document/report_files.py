@@ -19,8 +19,8 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.regular_file import read_small
 from recoil_acquisition.files.strict_json import read_json, told_in_one_line
@@ -29,8 +29,6 @@ from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.shot.firing_record import CURVES, Curves
 from recoil_identification.shot.identified import Result
 from recoil_processing.shot.error_source import ErrorSource
-
-Array = NDArray[np.float64]
 
 SCHEMA = "recoil-daq/report/1"
 REPORT_FILE = "report.json"
@@ -234,18 +232,31 @@ def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
     """
     content = read_small(path, LARGEST_REPORT, "a report") if content is None else content
     with told_in_one_line("this is no report of a shot", path, expected=f"schema {SCHEMA}"):
-        document = read_json(content)
-        if document["schema"] != SCHEMA:
-            raise ValueError(f"schema {document['schema']!r}")
-        refuse_deep(document)
+        document = of_schema(content, SCHEMA)
         lacking = [key for key in ("shot", "rig", "mass", "rpe_percent", "valid", "provenance") if key not in document]
         if lacking:
             raise ValueError(f"no {', '.join(lacking)}")
     return dict(document)
 
 
-def refuse_deep(document: Any) -> None:
-    """Raise `ValueError` if a document is nested more deeply than any that this project wrote."""
+def of_schema(content: bytes, schema: str) -> Any:
+    """Return a document by its bytes.
+
+    Raises
+    ------
+    ValueError
+        If it is of another schema, or nested more deeply than any that this project wrote.
+    LookupError, TypeError
+        If it states no schema.
+    """
+    document = read_json(content)
+    if document["schema"] != schema:
+        raise ValueError(f"schema {document['schema']!r}")
+    _refuse_deep(document)
+    return document
+
+
+def _refuse_deep(document: Any) -> None:
     level = [document]
     for _ in range(DEEPEST):
         level = [

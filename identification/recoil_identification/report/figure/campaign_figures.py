@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_identification.campaign.campaign import Campaign, Used
 from recoil_identification.campaign.charted import NOISE, RESIDUAL, Charted
 from recoil_identification.campaign.charts import (
@@ -23,8 +23,6 @@ from recoil_identification.campaign.overlay import Overlay
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure.figure import Figure, HorizontalLine, Panel, Span, Trace
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Group = tuple[str, float]
 """Configuration, and added mass in kg."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
@@ -39,7 +38,6 @@ from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals, on_grid
 from recoil_processing.spectra.spectrum import multitaper
 
-Array = NDArray[np.float64]
 FRICTION_HUE = 7
 """Hue of the friction; those of the forces are those of what they come from."""
 KILONEWTON = 1e3

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.report.figure.figure import TIME, Figure, Panel, Span, Trace, with_interval
 from recoil_identification.shot.identified import Identification
 
-Array = NDArray[np.float64]
 ROLE_HUES = {"breech_pressure": 5, "brake_pressure": 2, "recuperator_pressure": 3}
 """A pressure has the colour of the force that it makes."""
 FIRST_HUE = 4

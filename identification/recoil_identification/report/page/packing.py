@@ -25,9 +25,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from recoil_acquisition.arrays import Array
 
 LEAST_STEPS = 64
 """Arrays of fewer numbers are left as they are."""

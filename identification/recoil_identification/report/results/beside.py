@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note, NoteCode, findings_of
 from recoil_identification.estimate.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
@@ -22,7 +22,6 @@ from recoil_identification.report.figure.campaign_figures import PANELS
 from recoil_identification.report.figure.figure import Figure, HorizontalLine, Panel, Trace, with_interval
 from recoil_identification.shot.firing_record import Curves
 
-Array = NDArray[np.float64]
 Row = dict[str, Any]
 """A number, or a word, in each of the reports: ``label``, ``differs``, ``values``, and as people read it ``texts``."""
 

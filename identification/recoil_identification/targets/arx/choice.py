@@ -15,16 +15,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Flags
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.targets.arx.decimated_record import DecimatedRecord
 from recoil_identification.targets.arx.model import ArxModel, ArxOrders, arx_regressors, estimate_arx, residuals
 from recoil_identification.targets.arx.residual_tests import LEVEL, ResidualTest, independence, whiteness
 from recoil_identification.targets.arx.response import poles
-
-Flags = NDArray[np.bool_]
 
 LAGS = 20
 """Lags of the tests of the residuals, where there are rows enough."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.normal_distribution import probability_text
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure.figure import (
@@ -23,7 +23,6 @@ from recoil_identification.targets.arx.model import ArxModel
 from recoil_identification.targets.arx.residual_tests import LEVEL, ResidualTest
 from recoil_identification.targets.arx.response import frequency_response
 
-Array = NDArray[np.float64]
 SHOWN_CRITERION = 60.0
 """Above the least one; a candidate beyond it is far from any choice."""
 

@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.targets.arx.decimated_record import DecimatedRecord
 from recoil_identification.targets.arx.model import ArxModel, ArxOrders, estimate_arx, robust_covariance
 from recoil_identification.targets.arx.response import dc_gain, inverse
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

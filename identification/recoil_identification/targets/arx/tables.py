@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.normal_distribution import probability_text
 from recoil_identification.estimate.rounding import MINUS, plain, rounded, significant
 from recoil_identification.targets.arx.choice import OrderTable
@@ -13,8 +13,6 @@ from recoil_identification.targets.arx.model import ArxModel, ArxOrders
 from recoil_identification.targets.arx.residual_tests import ResidualTest
 from recoil_identification.targets.arx.response import poles, zeros
 from recoil_identification.targets.target_result import Table
-
-Array = NDArray[np.float64]
 
 SHOWN_CANDIDATES = 12
 

@@ -13,7 +13,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
@@ -28,8 +27,6 @@ from recoil_identification.targets.target_result import Quantity, Series, Table,
 from recoil_processing.shot.verdict.mass_reasons import doubts_of
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.shots.assumptions import CARRIAGE_ROLES
-
-Array = NDArray[np.float64]
 
 NEEDED = ("recoil_acceleration", "brake_pressure", "recuperator_pressure")
 """Roles without which there is no force."""

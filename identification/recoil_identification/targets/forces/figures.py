@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure.figure import TIME, ZERO, Figure, Panel, Span, Trace, with_interval
 from recoil_identification.targets.forces.force_peak import ForcePeak
 from recoil_identification.targets.forces.motion_force import MotionForce
-
-Array = NDArray[np.float64]
 
 
 def force_figures(found: MotionForce, peak: ForcePeak, area_m2: float) -> tuple[Figure, ...]:

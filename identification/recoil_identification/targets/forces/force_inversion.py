@@ -18,15 +18,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.targets.forces.measured_force import MeasuredForce, TrackedTravel
 from recoil_identification.targets.forces.regularised_inversion import Inversion, invert
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.gaps import bridge
-
-Array = NDArray[np.float64]
 
 KNOT_S = 4e-4
 """Between the spline's knots: a sixth of the rise to the peak."""

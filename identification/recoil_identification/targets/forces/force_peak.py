@@ -6,11 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recoil_identification.targets.forces.input_estimate import InputEstimate
-
-Array = NDArray[np.float64]
 
 CURVATURE_S = 4e-4
 """Time on both sides of the peak, s: where the change of the slope is taken from."""

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
@@ -44,8 +44,6 @@ from recoil_processing.stress_waves.ringing import Mode
 from recoil_processing.stress_waves.stress_wave import strip_stress_waves
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.fired_shot import FiredShot
-
-Array = NDArray[np.float64]
 
 REST_S = 4e-3
 """Length of the record before the onset that is taken along."""

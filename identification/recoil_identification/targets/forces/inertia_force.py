@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
@@ -33,8 +33,6 @@ from recoil_identification.targets.target import Case
 from recoil_identification.targets.target_result import Quantity, Series, Table, TargetResult
 from recoil_processing.filters import ROWS_PER_CUTOFF
 from recoil_rigs.shots.fired_shot import FiredShot
-
-Array = NDArray[np.float64]
 
 PURPOSE = "inertia forces"
 TURNING_CUTOFF_HZ = 300.0

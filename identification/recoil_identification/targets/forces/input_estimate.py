@@ -21,16 +21,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.targets.forces.input_smoother import InputModel, Smoothed, follow_intensities
 from recoil_identification.targets.forces.measured_force import MeasuredForce, TrackedTravel
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.stress_waves.ringing import Mode
-
-Array = NDArray[np.float64]
 
 SAMPLES_PER_PERIOD = 3.0
 """Samples on a period of the highest mode, at the thinned rate."""

@@ -21,9 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 STEP_OF_LOG_INTENSITY = 0.4

@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
-
-Array = NDArray[np.float64]
 
 U_FREE_CLOCK_S = 1e-4
 """Standard uncertainty of an offset between the clocks that the same motion told: it is told anew here, not twice."""

@@ -16,11 +16,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
-
-Array = NDArray[np.float64]
 
 DECADES = (-12.0, 12.0)
 """Powers of ten of the weight that are tried, over the ratio of the traces of A'A and D'D."""

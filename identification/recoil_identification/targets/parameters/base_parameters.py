@@ -19,11 +19,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
-
-Array = NDArray[np.float64]
 
 STRUCTURAL_TOLERANCE = 1e-9
 """Share of a column's length below which what others leave of it is rounding."""

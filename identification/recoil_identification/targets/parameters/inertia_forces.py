@@ -13,15 +13,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.targets.parameters.mechanism_fit import MechanismFit
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
 from recoil_rigs.mechanism.mechanism_regressor import PARAMETERS, Geometry, regressor, standard_parameters
 from recoil_rigs.mechanism.model import Mechanism
-
-Array = NDArray[np.float64]
 
 FORCES = (
     "bore", "bore_inertia", "transverse", "recoiling_x", "recoiling_y", "recoiling_moment", "mechanism_x",

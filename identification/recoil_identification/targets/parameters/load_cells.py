@@ -6,16 +6,13 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_identification.shot.preparation import Prepared
 from recoil_processing.shot.channel_repair import mend_samples
 from recoil_processing.shot.signals import at_instants, on_grid
 from recoil_rigs.mechanism.mechanism_regressor import EQUATIONS, LOADS, Geometry, load_directions
 from recoil_rigs.shots.fired_shot import FiredShot
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LOAD_CELLS = MappingProxyType(
     {

@@ -27,6 +27,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.estimate.mass import correlation_factor
@@ -44,9 +45,6 @@ from recoil_identification.targets.parameters.load_cells import usable_equations
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.mechanism.mechanism_regressor import PARAMETER_UNITS, PARAMETERS, Geometry, regressor
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 PREFERRED = tuple(PARAMETERS.index(name) for name in (
     "m1", "m1 X1", "m1 Y1", "J1", "m3", "m3 b", "m3 d", "J3A", "m2 s2", "m2 d2", "m2", "J2",
@@ -74,17 +72,14 @@ class MechanismFit(ReadOnlyArrays):
     identifiable
         Part of them that this shot tells, combined from the columns of `structural`.
     inferred
-        Errors of the sensors and `values`, without `attenuation`, as the rows and the calibrations say.
+        Errors of the sensors and `values`, without what the regressor's noise takes off them, as rows and calibrations
+        say.
     told
         The same where parameters that lead none of `identifiable` are zero: `errors` and `residuals` are of it.
-    sigmas : ndarray, shape (5,)
-        Noise of the equations, N and N m; NaN where one cannot be used.
     usable
         Numbers of the equations that can be used.
     residuals : ndarray, shape (n, 5)
         NaN where a row is not used.
-    attenuation : ndarray, shape (r,)
-        Amount that was added to `values` for the noise of the regressor.
     """
 
     structural: BaseParameters
@@ -93,10 +88,8 @@ class MechanismFit(ReadOnlyArrays):
     identifiable: IdentifiablePart
     inferred: Estimate
     told: Estimate
-    sigmas: Array
     usable: tuple[int, ...]
     residuals: Array
-    attenuation: Array
 
     @property
     def rows(self) -> int:
@@ -243,10 +236,8 @@ def fit_mechanism(
         identifiable=identifiable_part(free, seen + shift, scales, LARGEST_U, doubt * np.outer(shift, shift)),
         inferred=inferred,
         told=told,
-        sigmas=sigmas,
         usable=usable,
         residuals=residuals,
-        attenuation=attenuation,
     )
 
 

@@ -12,14 +12,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.targets.parameters.sensor_errors import RELEASED, SensorError
 from recoil_rigs.mechanism.mechanism_regressor import LOADS, Geometry, load_directions, regressor
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Columns = Mapping[str, Array]
 
 

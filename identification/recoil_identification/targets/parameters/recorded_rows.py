@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_identification.rows.causes import Cause
 from recoil_identification.rows.late_readings import settled_by_late_readings
 from recoil_identification.rows.recorded_causes import recorded_causes
@@ -26,7 +26,6 @@ from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES, Regression
 from recoil_rigs.mechanism.mechanism_regressor import Geometry
 from recoil_rigs.shots.fired_shot import FiredShot
 
-Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 TURNING_COLUMNS = ("f_x", "f_y", "w1", "w2")

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.shot import Shot
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.shot.preparation import Prepared
@@ -18,7 +18,6 @@ from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
 from recoil_rigs.shots.fired_shot import FiredShot
 
-Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 

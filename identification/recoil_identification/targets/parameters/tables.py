@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_identification.estimate.rounding import rounded, significant
 from recoil_identification.report.figure.figure import TIME, Figure, HorizontalLine, Panel, Trace
 from recoil_identification.targets.parameters.base_parameters import BaseParameters
@@ -19,8 +19,6 @@ from recoil_processing.shot.error_source import SourceKind
 from recoil_rigs.mechanism.mechanism_regressor import EQUATIONS, PARAMETER_UNITS, PARAMETERS, standard_parameters
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import Rig
-
-Array = NDArray[np.float64]
 
 SMALLEST_PRINTED = 1e-3
 """Smallest share of a combination, each parameter by its natural scale, that is printed."""

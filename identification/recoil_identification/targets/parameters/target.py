@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from recoil_acquisition.errors import IdentificationError
@@ -38,8 +37,6 @@ from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.mechanism.mechanism_regressor import EQUATIONS, LOADS, PARAMETER_UNITS, PARAMETERS
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.fired_shot import FiredShot
-
-Array = NDArray[np.float64]
 
 LARGEST_CUTOFF_HZ = 80.0
 """The carriage moves below 30 Hz; the noise of a gyro's derivative grows with the 1.5th power of the cut-off."""

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure.figure import TIME, ZERO, Figure, Panel, Trace, with_interval
 from recoil_identification.targets.resistance.resistance_comparison import ResistanceOverTime
 from recoil_identification.targets.resistance.resistance_fit import FittedBrake
 from recoil_identification.targets.resistance.resistance_record import ResistanceRecord
 from recoil_identification.targets.resistance.shot_balance import Balance
-
-Array = NDArray[np.float64]
 
 
 def resistance_figures(

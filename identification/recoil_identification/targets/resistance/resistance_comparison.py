@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.shot.identified import Identification
 from recoil_identification.targets.resistance.packing_friction import Friction
@@ -16,8 +16,6 @@ from recoil_identification.targets.resistance.resistance_fit import FittedBrake,
 from recoil_identification.targets.resistance.resistance_record import ResistanceRecord
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_rigs.mechanism.model import Mechanism
-
-Array = NDArray[np.float64]
 
 FORCE_OVER = 0.02
 """Share of the peak breech force below which the motion shows the resistance nearly alone."""

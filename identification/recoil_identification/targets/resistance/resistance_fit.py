@@ -10,16 +10,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.targets.resistance.resistance_law import BrakeProfile, GasLaw, fit_brake_profile, fit_gas_law
 from recoil_identification.targets.resistance.resistance_record import ResistanceRecord
 from recoil_processing.gaps import bridge
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.gauge_zero import MOVES_S, zero_moves
-
-Array = NDArray[np.float64]
 
 SCALE_OF_TRAVEL = "scale of the travel"
 """Cause that moves the throttle in a known way, too."""

@@ -16,13 +16,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.estimate.mass import correlation_factor
 from recoil_identification.targets.forces.regularised_inversion import invert
-
-Array = NDArray[np.float64]
 
 MOST_ITERATIONS = 60
 LEAST_COMPRESSION = 0.05

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.rows.causes import u_delay_s
@@ -26,8 +26,6 @@ from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.assemble import range_si
 from recoil_rigs.shots.fired_shot import FiredShot
-
-Array = NDArray[np.float64]
 
 BLOCK_S = 1e-3
 """Length of the means that the laws are fitted to: stress waves of a kilohertz and noise are averaged over."""

@@ -18,14 +18,12 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_processing.double_integral import integrate
-
-Array = NDArray[np.float64]
 
 
 class Conserved(StrEnum):

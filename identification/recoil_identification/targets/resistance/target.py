@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
@@ -38,8 +37,6 @@ from recoil_identification.targets.target_result import Quantity, Series, Table,
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_rigs.mechanism.model import Mechanism
-
-Array = NDArray[np.float64]
 
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
 """Shares of the travel where the throttle's coefficient is stated."""

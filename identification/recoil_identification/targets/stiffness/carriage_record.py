@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.shot.preparation import Prepared
@@ -26,9 +26,6 @@ from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import Rig
 from recoil_rigs.tables.force_input import SIGNS
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 MOTION_ROLES = ("carriage_rate", "tipping_rate", "carriage_acceleration_x", "carriage_acceleration_y")
 """Roles whose channels tell how carriage and tipping part move."""

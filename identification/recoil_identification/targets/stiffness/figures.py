@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure.figure import TIME, Figure, HorizontalLine, Panel, Span, Trace, with_interval
 from recoil_identification.targets.stiffness.carriage_record import CarriageRecord
@@ -15,8 +15,6 @@ from recoil_identification.targets.stiffness.restoring_force import RestoringTra
 from recoil_identification.targets.stiffness.stiffness_budget import SYMBOLS, SupportEstimates
 from recoil_identification.targets.stiffness.support_filter import Band, FilteredSupport, Rows, Support
 from recoil_identification.targets.stiffness.supports import PARAMETERS, SUPPORT_NAMES
-
-Array = NDArray[np.float64]
 
 FINE_STEP_S = 1e-3
 """Between the points of a drawn loop."""

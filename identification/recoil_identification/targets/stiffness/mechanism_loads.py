@@ -20,8 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import integrate
 from recoil_rigs.mechanism.model import (
@@ -31,8 +31,6 @@ from recoil_rigs.mechanism.model import (
     relative_acceleration,
     velocity_terms,
 )
-
-Array = NDArray[np.float64]
 
 SLIDING_M_S = 5e-3
 """Velocity at which the foot's friction is taken to be fully there: no ground switches within no time."""

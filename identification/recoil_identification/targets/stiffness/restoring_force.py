@@ -17,16 +17,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.estimate.mass import correlation_factor
 from recoil_identification.memory.limited_memory import WindowStatus, limited_memory_least_squares
 from recoil_identification.targets.stiffness.support_filter import FilteredSupport, Rows
 from recoil_processing.filters import ROWS_PER_CUTOFF
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LAGS_S = 0.03
 """Over which the residual's autocorrelation counts: longer than the memory of filter and structure."""

@@ -14,8 +14,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import Shot
 from recoil_identification.estimate.budget import CHOICE_FACTORS
@@ -28,8 +28,6 @@ from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.shots.fired_shot import FiredShot
-
-Array = NDArray[np.float64]
 
 LOW_PASS_HZ = 80.0
 """Above the natural frequencies of such mechanisms, below the stress waves, and within a slow gyro's band."""

@@ -15,10 +15,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import LowPass
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 

@@ -10,11 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_rigs.mechanism.model import Mechanism, mass_matrix
-
-Array = NDArray[np.float64]
 
 
 def tipping_mode(mechanism: Mechanism, stiffness_n_m_rad: float, damping_n_m_s_rad: float) -> tuple[float, float]:

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_identification.targets.stiffness.carriage_record import CarriageRecord
 from recoil_identification.targets.stiffness.mechanism_loads import (
     SLIDING_M_S,
@@ -31,8 +31,6 @@ from recoil_identification.targets.stiffness.mechanism_loads import (
 from recoil_identification.targets.stiffness.support_filter import Support
 from recoil_processing.filters import LowPass
 from recoil_rigs.mechanism.model import Mechanism
-
-Array = NDArray[np.float64]
 
 CONTACT_SHARE = 0.06
 """Share of the load at rest below which a foot counts as lifted off."""

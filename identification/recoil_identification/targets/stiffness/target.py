@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.rounding import MINUS, in_unit, significant
@@ -29,8 +29,6 @@ from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import Signals
 from recoil_processing.shot.verdict.mass_reasons import doubts_of
 from recoil_rigs.mechanism.model import Mechanism
-
-Array = NDArray[np.float64]
 
 LARGEST_RESIDUAL_SHARE = 0.25
 """Share of the load that the fit may leave; beyond it the support is not a spring with a damper."""

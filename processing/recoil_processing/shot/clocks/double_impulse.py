@@ -22,15 +22,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.clocks.camera_track import CameraTrack
-
-Array = NDArray[np.float64]
 
 INFLATIONS = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0)
 """Factors of the walk's density over that of the force's noise: what the model leaves out walks too."""

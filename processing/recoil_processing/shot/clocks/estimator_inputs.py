@@ -7,16 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.autoregressive_noise import fit_noise
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.shots.fired_shot import FiredShot
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LEAST_NOISE_SAMPLES = 64
 """Samples by which a noise is estimated."""

@@ -13,8 +13,8 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment
@@ -29,8 +29,6 @@ from recoil_processing.shot.kinematics import LEAST_NOISE_SHARE
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.fired_shot import FiredShot
-
-Array = NDArray[np.float64]
 
 METHOD: Final = "force"
 """Name of the method in alignments and reports."""

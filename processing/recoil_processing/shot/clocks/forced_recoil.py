@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import integrate
@@ -31,8 +31,6 @@ from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
-
-Array = NDArray[np.float64]
 
 RATE_ROLES = ("carriage_rate", "tipping_rate")
 """Roles that state how carriage and tipping part turn, relative to which a camera sees the recoil."""

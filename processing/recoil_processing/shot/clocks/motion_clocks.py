@@ -13,8 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment
@@ -41,7 +41,6 @@ from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.rig import MOTIONS, Rig, Source
 from recoil_rigs.shots.fired_shot import FiredShot
 
-Array = NDArray[np.float64]
 Evenly = tuple[float, float, Array]
 """Start and step of even instants of the reference clock, and samples there."""
 

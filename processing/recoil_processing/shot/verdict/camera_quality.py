@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.measured import worded
 from recoil_acquisition.quality_check import Check, QualityCheck
@@ -47,8 +47,6 @@ from recoil_processing.shot.verdict.motion_quality import Recoil
 from recoil_rigs.rig import ChannelSpec, Source
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
-
-Array = NDArray[np.float64]
 
 ONE_BODY = 0.05
 """Share of the travel by which two marks' travels may differ and still be of one body."""

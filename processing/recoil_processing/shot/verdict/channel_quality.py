@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.quality_check import Check, Verdict
@@ -44,9 +44,6 @@ from recoil_processing.spectra.spectral_gap import SpectralGap, find_gap
 from recoil_rigs.rig import ChannelSpec, ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
 from recoil_rigs.shots.assemble import range_si, shown_unit
 from recoil_rigs.tables.rig_tables import FORCE_ROLES
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LEAST_SAMPLES = 8
 """Number of samples below which there is no record."""

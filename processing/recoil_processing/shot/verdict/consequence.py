@@ -18,8 +18,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.measured import worded
 from recoil_acquisition.quality_check import Check, QualityCheck
@@ -43,8 +43,6 @@ from recoil_rigs.rig import ChannelSpec, ExposureAlignment, MotionAlignment, Red
 from recoil_rigs.shots.assumptions import CARRIAGE_ROLES
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
-
-Array = NDArray[np.float64]
 
 LEAST_CONSEQUENCE = 0.1
 """Share of the mass's standard uncertainty below which a failed check is a warning: it adds half a percent to it."""

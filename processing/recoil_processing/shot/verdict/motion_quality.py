@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from functools import singledispatch
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.quality_check import Check, QualityCheck
 from recoil_acquisition.quantity import SI_UNITS
@@ -40,9 +40,6 @@ from recoil_rigs.mechanism.line import Line
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.fired_shot import FiredShot
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 CUTOFF_HZ = 300.0
 """Cut-off of the checks' low-pass: stress waves of gun-size mechanisms ring above 900 Hz, the pulse has little above

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.files.shot_name import numbers_of
@@ -39,8 +39,6 @@ from recoil_rigs.rig import Rig
 from recoil_rigs.shots.assemble import about_unknown_unit, unknown_unit
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.calibration_day import CalibrationDay
-
-Array = NDArray[np.float64]
 
 NO_REST = (
     "the record begins in motion: the zero of an accelerometer is known as its `u_zero_rel` says, to 1 % of its range "
