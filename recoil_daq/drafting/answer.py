@@ -13,9 +13,9 @@ from recoil_acquisition.files.bounded_toml import toml_value, typed_value
 from recoil_acquisition.quantity import UNITS, find_unit, normalise_unit
 from recoil_acquisition.typed_quantity import number_and_unit, typed_quantity
 from recoil_rigs.checks.plausible import U_SHARE, Bounds, bounds_of
-from recoil_rigs.checks.rig_faults import problem_of_value
 from recoil_rigs.mechanism.mechanism_parameters import UNITS as UNITS_OF_SYMBOLS
 from recoil_rigs.mechanism.mechanism_parameters import MechanismModel
+from recoil_rigs.mechanism.mechanism_table import problem_of_value
 from recoil_rigs.tables.sensitivity import sensitivity_from_text
 
 NONE = "-"

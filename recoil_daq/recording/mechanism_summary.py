@@ -9,7 +9,8 @@ from typing import Any
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.files.regular_file import read_small
-from recoil_rigs.mechanism.mechanism_parameters import MEANINGS, MechanismModel, stated_values
+from recoil_rigs.mechanism.mechanism_parameters import MEANINGS, MechanismModel
+from recoil_rigs.mechanism.mechanism_table import stated_values
 from recoil_rigs.mechanism.mechanisms import MECHANISMS
 from recoil_rigs.rig import find_rig
 

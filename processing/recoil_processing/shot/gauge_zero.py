@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from recoil_processing.shot.thinned import thinned_beside
 from recoil_rigs.rig import ChannelSpec
 from recoil_rigs.shots.assemble import range_si
-from recoil_rigs.tables.rig_tables import UNRESTED_U_ZERO_REL
+from recoil_rigs.tables.channel_table import UNRESTED_U_ZERO_REL
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,8 @@ from recoil_acquisition.errors import Fault, FaultCode, KeyPath
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_rigs.mechanism.mechanism_parameters import MechanismModel
 from recoil_rigs.mechanism.model import Mechanism
-from recoil_rigs.tables.rig_tables import FORCE_ROLES, USUAL_GAIN, ChannelSpec, Source, range_si
+from recoil_rigs.tables.channel_table import USUAL_GAIN, ChannelSpec, range_si
+from recoil_rigs.tables.rig_tables import FORCE_ROLES, Source
 
 
 @dataclass(frozen=True)

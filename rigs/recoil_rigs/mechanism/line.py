@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism, MechanismModel
+from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.force_input import ForceInput
-from recoil_rigs.tables.rig_tables import FORCE_ROLES, ChannelSpec
+from recoil_rigs.tables.rig_tables import CARRIED_ROLES, FORCE_ROLES, FORCE_SENSOR_ROLES
 
 
 class Line(Mechanism):
@@ -30,6 +31,13 @@ class Line(Mechanism):
         }
     )
     sure_roles = frozenset(motion_roles)
+    shared_roles = FORCE_SENSOR_ROLES
+    foreign_roles = MappingProxyType(
+        {
+            role: f"a body on a line has no role {role!r}: leave it out, the channel is recorded all the same"
+            for role in CARRIED_ROLES
+        }
+    )
     spans_s = (math.inf, math.inf)
     recoils_once = False
     mounted = False
