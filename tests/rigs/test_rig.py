@@ -724,10 +724,10 @@ def test_all_faults_are_told_at_once() -> None:
         "mechanism.XA",
         "source[1] 'camera'.framerate",
         "channel[0] 'acc_recoil'.sensor.u_rel",
-        "channel[5] 'rate_can'.signal",
-        "source[2] 'can'.align.against",
         "channel[2] 'trigger'.quantity",
         "channel[3] 'rate_daq'.quantity",
+        "channel[5] 'rate_can'.signal",
+        "source[2] 'can'.align.against",
         "channel[6] 'sync_imu'.source",
     ]
 
