@@ -20,7 +20,7 @@ from recoil_rigs.tables.rig_tables import GAUGE_ROLES, LINE_ROLES
 class Gun(Mechanism):
     """Three bodies: the breech drives the recoiling part, brake and recuperator hold it, each a pressure on an area."""
 
-    model = MechanismModel.GUN
+    model, words = MechanismModel.GUN, "a gun"
     motion_roles = MappingProxyType(
         {
             "recoil_acceleration": "the recoiling part's accelerometer",

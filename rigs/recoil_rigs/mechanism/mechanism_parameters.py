@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from recoil_acquisition.quantity import STANDARD_GRAVITY_M_S2
+from recoil_rigs.mechanism.bounds import OF_ROLE, OF_SYMBOL, Bounds
 from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.force_input import AREAS, SIGNS, ForceInput
 from recoil_rigs.tables.rig_tables import GAUGE_ROLES
@@ -48,6 +49,10 @@ class Mechanism(ABC):
         Roles of which a channel counts only if its clock is aligned beyond doubt: what it tells others tell, too.
     positive_pulses
         Roles whose quantity is positive by convention while the mass recoils.
+    words
+        Name of what it is, as people say it.
+    bounds, bounds_of_role
+        Bounds of its values by symbol; and, by role, of how far a sensor reaches and of its peak in a shot, SI.
     shared_roles
         Roles that several channels may bear.
     foreign_roles
@@ -145,10 +150,13 @@ class Mechanism(ABC):
     unstated: frozenset[str] = frozenset()
 
     model: ClassVar[MechanismModel]
+    words: ClassVar[str]
     motion_roles: ClassVar[Mapping[str, str]]
     sure_roles: ClassVar[frozenset[str]] = frozenset()
     positive_pulses: ClassVar[frozenset[str]] = frozenset()
     spans_s: ClassVar[tuple[float, float]]
+    bounds: ClassVar[Mapping[str, Bounds]] = OF_SYMBOL
+    bounds_of_role: ClassVar[Mapping[str, Bounds]] = OF_ROLE
     shared_roles: ClassVar[tuple[str, ...]]
     foreign_roles: ClassVar[Mapping[str, str]]
     recoils_once: ClassVar[bool]

@@ -41,7 +41,7 @@ def declared_mechanism(
     if not isinstance(table, dict):
         faults.append(Fault((MECHANISM,), "a table [mechanism] is needed", FaultCode.MISSING))
         return None, None
-    model = next((one for name, one in MECHANISMS.items() if name == table.get(MODEL, MechanismModel.GUN)), None)
+    model = model_of(table)
     symbols = Mechanism.symbols()
     known = {MODEL, *symbols, *(f"u_{s}" for s in Mechanism.uncertain())}
     own = [_unknown_symbol(key, symbols) for key in table if key not in known]
@@ -71,6 +71,11 @@ MODEL = "model"
 """Key of ``[mechanism]`` that says which model its values are of."""
 
 
+def model_of(table: Mapping[str, Any]) -> type[Mechanism] | None:
+    """Return the model that a table ``[mechanism]`` names, a gun if it names none; None if there is none such."""
+    return next((one for name, one in MECHANISMS.items() if name == table.get(MODEL, MechanismModel.GUN)), None)
+
+
 def _faults_of_model(
     table: Mapping[str, Any], model: type[Mechanism] | None, roles: Collection[str]
 ) -> Iterator[Fault]:
@@ -84,7 +89,7 @@ def _faults_of_model(
         symbol = key.removeprefix("u_")
         if symbol in having or symbol not in Mechanism.symbols():
             continue
-        problem = f"a body on a line has no {symbol}, {MEANINGS[symbol]}: leave it out"
+        problem = f"{model.words} has no {symbol}, {MEANINGS[symbol]}: leave it out"
         if symbol in Mechanism.OF_PRESSURE:
             problem = f"has no meaning without a channel of role {Mechanism.OF_PRESSURE[symbol]!r}: leave it out"
         yield Fault((MECHANISM, key), problem, FaultCode.CONTRADICTION)

@@ -262,12 +262,13 @@ class Source(DeclaredTable):
     def contradictions(self) -> list[Fault]:
         """Return what is wrong with its bus, and with framing and layout as its readers will take them."""
         faults = []
-        if delivers_several_buses(self.device) and self.bus is None:
-            problem = "is missing: the device delivers several buses; say which one this source is"
-            faults.append(Fault(("bus",), problem, FaultCode.MISSING))
-        elif delivers_several_buses(self.device) and bus_number(self.bus) is None:
-            problem = f"{self.bus!r} ends in no number, by which buses are told apart live"
-            faults.append(Fault(("bus",), problem, FaultCode.VALUE))
+        if delivers_several_buses(self.device):
+            if self.bus is None:
+                problem = "is missing: the device delivers several buses; say which one this source is"
+                faults.append(Fault(("bus",), problem, FaultCode.MISSING))
+            elif bus_number(self.bus) is None:
+                problem = f"{self.bus!r} ends in no number, by which buses are told apart live"
+                faults.append(Fault(("bus",), problem, FaultCode.VALUE))
         if self.framing is not None:
             try:
                 framing_from_table(self.framing)
