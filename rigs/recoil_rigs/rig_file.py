@@ -31,7 +31,7 @@ _TOP_LEVEL_KEYS = ("schema", *HEAD, MECHANISM, "source", "channel", KNOWLEDGE, R
 
 @dataclass(frozen=True)
 class RigFile:
-    """What a rig file states, table by table.
+    """Statements of a rig file, table by table.
 
     Attributes
     ----------
