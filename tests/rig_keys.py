@@ -30,12 +30,11 @@ from recoil_acquisition.quantity import SI_UNITS, UNITS
 from recoil_acquisition.readers.text.layout import TextLayout
 from recoil_acquisition.readers.tracks.layout import DeclaredFeature, TrackLayout
 from recoil_acquisition.trigger import table as trigger
-from recoil_rigs.checks.rig_faults import MODEL
 from recoil_rigs.mechanism.gun import Gun
 from recoil_rigs.mechanism.mechanism_parameters import MEANINGS, MechanismModel
+from recoil_rigs.mechanism.mechanism_table import MODEL
 from recoil_rigs.mechanism.model import Mechanism
-from recoil_rigs.rig import _HEAD as HEAD
-from recoil_rigs.rig import SCHEMA
+from recoil_rigs.rig_file import HEAD, SCHEMA
 from recoil_rigs.tables import issue, knowledge
 from recoil_rigs.tables import rig_tables as rig
 from recoil_rigs.twin.line_settings import LineSettings

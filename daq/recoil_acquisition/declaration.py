@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import datetime as dt
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
+from dataclasses import dataclass
 from types import MappingProxyType, NoneType
-from typing import Annotated, Any, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Generic, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError, ValidationInfo
 from pydantic.fields import FieldInfo
@@ -91,8 +93,8 @@ class DeclaredTable(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, defer_build=True)
 
-    def contradictions(self) -> Sequence[tuple[str | KeyPath, str]]:
-        """Return the faults between keys that are sound alone: the key within the table, and what is wrong."""
+    def contradictions(self) -> Sequence[Fault]:
+        """Return the faults between keys that are sound alone, and in what a key holds, by their keys in the table."""
         return []
 
 
@@ -117,24 +119,80 @@ def declared(model: type[Declared], table: Any, where: KeyPath, faults: list[Fau
     model or None
         None if the table has a fault.
     """
+    made = _validated(model, table, where, faults)
+    wrong = [fault.below(where) for fault in _contradictions(made)]
+    faults += wrong
+    return None if wrong else made
+
+
+def _validated(model: type[Declared], table: Any, where: KeyPath, faults: list[Fault]) -> Declared | None:
     try:
-        made = model.model_validate(table)
+        return model.model_validate(table)
     except ValidationError as error:
         # a key that may be of two types has a fault of each
         # members of a union that refuse a value for reasons of their own say the same of it: it is one fault
         told = [_fault(item, where, model) for item in error.errors(include_url=False)]
         faults += (one for k, one in enumerate(told) if str(one) not in map(str, told[:k]))
         return None
-    wrong = made.contradictions() if isinstance(made, DeclaredTable) else []
-    for key, problem in wrong:
-        within = (key,) if isinstance(key, str) else key
-        faults.append(Fault((*where, *within), problem, FaultCode.CONTRADICTION))
-    return None if wrong else made
+
+
+def _contradictions(value: Any) -> Iterator[Fault]:
+    """Yield the contradictions of a table and of the tables in it."""
+    if isinstance(value, DeclaredTable):
+        yield from value.contradictions()
+    within = value if isinstance(value, BaseModel) else enumerate(value) if isinstance(value, tuple) else ()
+    for key, one in within:
+        yield from (fault.below((key,)) for fault in _contradictions(one))
+
+
+@dataclass(frozen=True)
+class DeclaredRow(Generic[Declared]):
+    """A row of an array of tables, validated once.
+
+    Attributes
+    ----------
+    where
+        Key of the row, such as ``source[3] 'imu'``.
+    texts
+        Texts that it states, by their keys: also those of a row at fault, so that one fault does not cause others.
+    table
+        Row without keys that it should not have: one that is misspelt must not hide what else is wrong. None if what
+        is left has a fault.
+    sound
+        Whether each of its keys is sound alone, and none is there that it should not have.
+    """
+
+    where: KeyPath
+    texts: Mapping[str, str]
+    table: Declared | None
+    sound: bool
+
+
+@dataclass(frozen=True)
+class DeclaredRows(Generic[Declared]):
+    """An array of tables; no row where there is a fault of the array."""
+
+    rows: tuple[DeclaredRow[Declared], ...] = ()
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the rows, also of those at fault."""
+        return [row.texts["name"] for row in self.rows if "name" in row.texts]
+
+    @property
+    def legible(self) -> list[tuple[KeyPath, Declared]]:
+        """Rows that can be read, with their keys."""
+        return [(row.where, row.table) for row in self.rows if row.table is not None]
+
+    @property
+    def sound(self) -> list[tuple[KeyPath, Declared]]:
+        """Rows that are sound, with their keys."""
+        return [(row.where, row.table) for row in self.rows if row.table is not None and row.sound]
 
 
 def declared_rows(
     tables: Mapping[str, Any], key: str, model: type[Declared], faults: list[Fault]
-) -> tuple[list[tuple[KeyPath, Declared]], list[tuple[KeyPath, Declared]]]:
+) -> DeclaredRows[Declared]:
     """Validate an array of tables.
 
     Parameters
@@ -145,30 +203,25 @@ def declared_rows(
         Key of the array: ``source`` or ``channel``.
     faults
         List that every fault found is appended to.
-
-    Returns
-    -------
-    sound, legible : list of tuple
-        Sound tables with their keys, and those that are sound but for keys that they should not have: a key that is
-        misspelt must not hide what else is wrong.
     """
     rows = tables.get(key, [])
     if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
         faults.append(Fault((key,), f"at least one table [[{key}]] is needed", FaultCode.MISSING))
-        return [], []
-    sound: list[tuple[KeyPath, Declared]] = []
-    legible: list[tuple[KeyPath, Declared]] = []
-    for i, row in enumerate(rows):
-        name = row.get("name")
-        where = (Row(key, name if isinstance(name, str) else None, i),)
-        one = declared(model, row, where, faults)
-        if one is not None:
-            sound.append((where, one))
-        else:
-            one = declared(model, _without_unknown_keys(model, row), where, [])
-        if one is not None:
-            legible.append((where, one))
-    return sound, legible
+        return DeclaredRows()
+    return DeclaredRows(tuple(_row(model, key, i, row, faults) for i, row in enumerate(rows)))
+
+
+def _row(
+    model: type[Declared], key: str, index: int, row: dict[str, Any], faults: list[Fault]
+) -> DeclaredRow[Declared]:
+    texts = MappingProxyType({one: value for one, value in row.items() if isinstance(value, str)})
+    where = (Row(key, texts.get("name"), index),)
+    table = _validated(model, row, where, faults)
+    known = row if table is not None else _without_unknown_keys(model, row)
+    with suppress(ValidationError):
+        table = table or model.model_validate(known)
+    faults += (fault.below(where) for fault in _contradictions(table))
+    return DeclaredRow(where, texts, table, sound=known == row)
 
 
 def _without_unknown_keys(model: type[BaseModel], table: dict[str, Any]) -> dict[str, Any]:

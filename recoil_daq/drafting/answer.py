@@ -12,10 +12,12 @@ from recoil_acquisition.errors import Fault, nearest_first
 from recoil_acquisition.files.bounded_toml import toml_value, typed_value
 from recoil_acquisition.quantity import UNITS, find_unit, normalise_unit
 from recoil_acquisition.typed_quantity import number_and_unit, typed_quantity
-from recoil_rigs.checks.plausible import U_SHARE, Bounds, bounds_of
-from recoil_rigs.checks.rig_faults import problem_of_value
+from recoil_rigs.checks.plausible import U_SHARE
+from recoil_rigs.mechanism.bounds import Bounds
 from recoil_rigs.mechanism.mechanism_parameters import UNITS as UNITS_OF_SYMBOLS
 from recoil_rigs.mechanism.mechanism_parameters import MechanismModel
+from recoil_rigs.mechanism.mechanism_table import problem_of_value
+from recoil_rigs.mechanism.mechanisms import MECHANISMS
 from recoil_rigs.tables.sensitivity import sensitivity_from_text
 
 NONE = "-"
@@ -77,7 +79,7 @@ def a_symbol(symbol: str, model: MechanismModel) -> Read:
     """Take a value of the mechanism, or its standard uncertainty, within what such a mechanism can have."""
     of = symbol.removeprefix("u_")
     is_uncertainty = symbol != of
-    bounds = U_SHARE.get(of) if is_uncertainty else bounds_of(of, model)
+    bounds = U_SHARE.get(of) if is_uncertainty else MECHANISMS[model].bounds.get(of)
     number = a_number(UNITS_OF_SYMBOLS[of], bounds, difference=is_uncertainty)
 
     def read(text: str) -> Answer:

@@ -16,8 +16,9 @@ from recoil_daq.drafting.drafted_channels import DraftedChannels
 from recoil_daq.drafting.evidence import Evidence
 from recoil_daq.drafting.recorded_source import RecordedSignal, RecordedSource
 from recoil_daq.drafting.rig_draft import Entry, Question, RigDraft, Table
-from recoil_rigs.checks.plausible import bounds_of
+from recoil_rigs.mechanism.gun import Gun
 from recoil_rigs.mechanism.mechanism_parameters import MEANINGS, MechanismModel
+from recoil_rigs.mechanism.mechanism_table import model_of
 from recoil_rigs.mechanism.mechanisms import MECHANISMS
 from recoil_rigs.rig import SCHEMA
 from recoil_rigs.tables.rig_tables import SHOT_PLACE, Alignment
@@ -90,7 +91,7 @@ def _mechanism(evidence: Evidence) -> Table:
     model = evidence.model
     stated = {} if evidence.other is None else dict(evidence.other.table("mechanism"))
     if stated and evidence.roles.model is None:
-        model = MechanismModel.LINE if stated.get("model") == MechanismModel.LINE else MechanismModel.GUN
+        model = (model_of(stated) or Gun).model
     entries = []
     if model is MechanismModel.LINE:
         entries.append(Entry("model", "line", "one body on a line: a force moves it, and no pressure is read"))
@@ -121,7 +122,7 @@ def _mechanism(evidence: Evidence) -> Table:
 def _question_of(symbol: str, model: MechanismModel) -> Question:
     of = symbol.removeprefix("u_")
     meaning = MEANINGS[of] if symbol == of else f"standard uncertainty of {of}, {MEANINGS[of].rpartition(', ')[2]}"
-    bounds = bounds_of(of, model)
+    bounds = MECHANISMS[model].bounds.get(of)
     usual = (
         "" if bounds is None or symbol != of else f"; most lie between {bounds.usual[0]:.3g} and {bounds.usual[1]:.3g}"
     )

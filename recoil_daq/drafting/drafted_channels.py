@@ -15,7 +15,8 @@ from recoil_daq.drafting.rig_draft import Entry, Question, Table
 from recoil_daq.drafting.role_proposal import RoleProposal, polarity_of
 from recoil_daq.drafting.role_words import GUN_ROLES, LINE_ROLES, own_part
 from recoil_rigs.checks.plausible import SCALE, U_REL
-from recoil_rigs.mechanism.mechanism_parameters import MECHANISM, MechanismModel, stated_values
+from recoil_rigs.mechanism.mechanism_parameters import MECHANISM, MechanismModel
+from recoil_rigs.mechanism.mechanism_table import stated_values
 from recoil_rigs.tables.certificate_table import Certificate
 from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS, FORCE_ROLES, ROLES
 

@@ -42,7 +42,7 @@ from recoil_daq.recording.file_summary import is_database
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_rigs.tables.certificate_table import USUAL_NAME as TABLE_OF_CERTIFICATES
 from recoil_rigs.tables.certificate_table import read_certificates
-from recoil_rigs.tables.open_values import count_stated, without_open_values
+from recoil_rigs.tables.open_values import without_open_values
 from recoil_rigs.tables.sensitivity import OUTPUTS
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -87,12 +87,12 @@ class DraftedRig(Printed):
         """Return the document of ``init --json``."""
         questions = self.draft.questions()
         tables = parse_toml(self.draft.text())
-        sound, _ = without_open_values(tables)
+        sound = without_open_values(tables)
         return {
             "schema": "recoil-daq/init/1",
             "file": str(self.path),
             "model": None if self.roles.model is None else self.roles.model.value,
-            "stated": count_stated(sound),
+            "stated": sound.stated,
             "open": [
                 {
                     "key": spelled(one.parts), "question": one.question.meaning, "proposal": one.question.proposal,
@@ -113,7 +113,7 @@ class DraftedRig(Printed):
                     "quantity": row.get("quantity"), "unit": row.get("unit"), "role": row.get("role"),
                     "polarity": row.get("polarity"),
                 }
-                for row in sound.get("channel", [])
+                for row in sound.tables.get("channel", [])
             ],
             "roles": [
                 {"signal": key, "role": one.role or None, "certain": one.certain, "reason": one.reason}
@@ -148,7 +148,7 @@ class DraftedRig(Printed):
 
         Of a source all is returned by which its file is read; how its clock is found is to be looked for again.
         """
-        tables, _ = without_open_values(parse_toml(self.with_answers(answers).draft.text()))
+        tables = without_open_values(parse_toml(self.with_answers(answers).draft.text())).tables
         found: dict[str, Any] = {}
         for parts in answers:
             row, key = parts[0], str(parts[-1])

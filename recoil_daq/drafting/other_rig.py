@@ -52,7 +52,7 @@ class OtherRig:
             raise ReadError("is not UTF-8 text", path=path, place=f"byte {error.start}") from error
         except ValueError as error:
             raise RigError(path, [Fault(("TOML",), str(error), FaultCode.SYNTAX)]) from error
-        return cls(path, without_open_values(tables)[0], tables)
+        return cls(path, without_open_values(tables).tables, tables)
 
     def with_answers(self, answers: Row) -> OtherRig:
         """Put what somebody answered before what it states; what it leaves open stays so."""

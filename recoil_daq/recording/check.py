@@ -301,7 +301,7 @@ class _AgainstFiles:
             "peak": None if peak is None else own.from_si(peak),
             "range": None if limits is None else [own.from_si(limit) for limit in limits],
         }
-        if peak is not None and (problem := unusual_peak(spec, peak, self._rig.mechanism.model)):
+        if peak is not None and (problem := unusual_peak(spec, peak, self._rig.mechanism)):
             text = f"{recording.path.name}: {problem}"
             self.warnings.append(Fault((Row("channel", spec.name),), text, FaultCode.UNUSUAL))
         return found

@@ -9,8 +9,9 @@ from typing import Any
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.files.regular_file import read_small
-from recoil_rigs.mechanism.mechanism_parameters import MEANINGS, MechanismModel, stated_values
-from recoil_rigs.mechanism.mechanisms import MECHANISMS
+from recoil_rigs.mechanism.gun import Gun
+from recoil_rigs.mechanism.mechanism_parameters import MEANINGS
+from recoil_rigs.mechanism.mechanism_table import model_of, stated_values
 from recoil_rigs.rig import find_rig
 
 
@@ -36,10 +37,10 @@ def mechanism_document(name_or_path: str | Path) -> dict[str, Any]:
         str(one["role"]) for one in (channels if isinstance(channels, list) else ())
         if isinstance(one, Mapping) and "role" in one
     }  # fmt: skip
-    model = MechanismModel.LINE if stated.get("model") == MechanismModel.LINE else MechanismModel.GUN
-    needed = MECHANISMS[model].required(roles)
+    model = model_of(stated) or Gun
+    needed = model.required(roles)
     return {
-        "model": model.value,
+        "model": model.model.value,
         "symbols": [
             {
                 "symbol": symbol,
@@ -48,7 +49,7 @@ def mechanism_document(name_or_path: str | Path) -> dict[str, Any]:
                 "needed": symbol in needed,
                 "meaning": MEANINGS[symbol],
             }
-            for symbol in MECHANISMS[model].symbols_of(roles)
+            for symbol in model.symbols_of(roles)
         ],
     }
 

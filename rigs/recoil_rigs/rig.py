@@ -17,46 +17,35 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.declaration import declared_rows, unknown_keys
 from recoil_acquisition.devices.can_device import delivers_several_buses
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, ReadError, RigError, Row
-from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
+from recoil_acquisition.files.bounded_toml import LARGEST_BYTES
 from recoil_acquisition.files.regular_file import check_regular, read_small
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.can.messages import CanDatabase, load_database
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.trigger.detector import Trigger
-from recoil_acquisition.trigger.table import trigger_from_table
 from recoil_rigs.checks.plausible import foreign_keys, implausible_values, unusual_values
 from recoil_rigs.checks.rig_alignments import motion_channels
-from recoil_rigs.checks.rig_faults import (
-    checked_mechanism,
-    faults_of_channels,
-    faults_of_sources,
-    faults_of_trigger,
-    unstated_uncertainties,
-)
+from recoil_rigs.checks.rig_faults import faults_of_tables, unstated_uncertainties
 from recoil_rigs.mechanism.model import Mechanism
+from recoil_rigs.rig_file import SCHEMA, read_tables
 from recoil_rigs.tables.calibration_day import CalibrationDay
+from recoil_rigs.tables.channel_table import ChannelSpec, Sensor
 from recoil_rigs.tables.force_input import ForceInput
-from recoil_rigs.tables.issue import NOTHING_STATED, Issue, checked_issue
-from recoil_rigs.tables.knowledge import NOTHING_KNOWN, Knowledge, checked_knowledge
-from recoil_rigs.tables.open_values import count_stated, without_open_values
+from recoil_rigs.tables.issue import NOTHING_STATED, Issue
+from recoil_rigs.tables.knowledge import NOTHING_KNOWN, Knowledge
 from recoil_rigs.tables.rig_tables import (
     MOTIONS,
     ROLES,
     Alignment,
-    ChannelSpec,
     ExposureAlignment,
     FixedAlignment,
     MotionAlignment,
     RedundantAlignment,
-    Sensor,
     Source,
     SourceKind,
     TriggerAlignment,
-    quantities_in,
-    roles_in,
 )
 from recoil_rigs.tables.specification import Specification
 
@@ -81,27 +70,11 @@ __all__ = [
     "parse_rig",
 ]
 
-SCHEMA = "recoil-daq/rig/1"
-
 _HEAD_BYTES = 4096
 """Number of bytes in which a rig file says what it is."""
 LARGEST_DATABASE_BYTES = 4_000_000
 """Size beyond which a database is not parsed: some 15,000 signals have 2 MB; parsing takes 300 bytes of memory for each
 byte."""
-
-_HEAD = {"name": "a name for the rig", "reference_clock": "the name of the source whose clock the others are mapped to"}
-_TOP_LEVEL_KEYS = (
-    "schema",
-    "name",
-    "reference_clock",
-    "mechanism",
-    "source",
-    "channel",
-    "knowledge",
-    "report",
-    "trigger",
-    "twin",
-)
 
 
 @dataclass(frozen=True)
@@ -426,65 +399,32 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
     RigError
         With every fault of the text, and with every value that is still open (``TODO``), whatever is refused.
     """
-    try:
-        tables = parse_toml(text)
-    except ValueError as error:
-        raise RigError(path, [Fault(("TOML",), str(error), FaultCode.SYNTAX)]) from error
-    tables, open_values = without_open_values(tables)
-    faults = unknown_keys(tables, _TOP_LEVEL_KEYS, ())
-    if tables.get("schema") != SCHEMA:
-        problem = f"must be {SCHEMA!r}, found {tables.get('schema')!r}"
-        faults.append(Fault(("schema",), problem, FaultCode.VALUE if "schema" in tables else FaultCode.MISSING))
-    for key, meaning in _HEAD.items():
-        if not isinstance(tables.get(key), str) or not tables[key]:
-            problem = "must be a text" if key in tables else f"is missing: {meaning}"
-            faults.append(Fault((key,), problem, FaultCode.TYPE if key in tables else FaultCode.MISSING))
-    if not isinstance(tables.get("twin", {}), dict):
-        faults.append(Fault(("twin",), "must be a table", FaultCode.TYPE))
-    mechanism = checked_mechanism(tables.get("mechanism"), faults, roles_in(tables))
-    sources, legible_sources = declared_rows(tables, "source", Source, faults)
-    channels, legible_channels = declared_rows(tables, "channel", ChannelSpec, faults)
-    faults += faults_of_sources(sources, legible_channels, tables)
-    faults += faults_of_channels(legible_channels, legible_sources, tables)
-    faults += faults_of_trigger(tables, channels, sources)
-    knowledge = checked_knowledge(tables, [channel for _, channel in channels], faults)
-    report = checked_issue(tables, faults)
-    texts = _databases([s for _, s in sources], path, databases, faults)
-    doubts = [*unstated_uncertainties(channels), *implausible_values(mechanism, sources, channels)]
-    if open_values:
-        # that an open value is not there is no fault of its own; a source says of itself what it needs
-        places = {one.parts for one in open_values}
-        places |= {one.parts[:1] for one in open_values if one.parts[1:] in (("database",), ("framing",))}
-        # rows that a rate dates need no column of times
-        places |= {(*one.parts[:-1], "time_column") for one in open_values if one.parts[1:] == ("layout", "rate_hz")}
-        unscaled = {one.parts[0] for one in open_values if one.parts[1:] == ("scale_mm_per_px",)}
-        named = {one.name for one in unscaled if isinstance(one, Row)}
-        places |= {(*where, "unit") for where, one in channels if one.unit == "px" and one.source in named}
+    file = read_tables(text, path)
+    sources, channels = file.sources.sound, file.channels.sound
+    faults = [*file.faults, *faults_of_tables(file)]
+    texts = _databases([source for _, source in sources], path, databases, faults)
+    doubts = [*unstated_uncertainties(channels), *implausible_values(file.mechanism, sources, channels)]
+    if file.open:
+        places = file.places_of_open_values
         wrong = [fault for fault in (*faults, *doubts) if fault.parts not in places]
-        raise RigError(path, [*wrong, *(one.fault() for one in open_values)], stated=count_stated(tables))
-    if faults or mechanism is None or (refuse_doubts and doubts):
+        raise RigError(path, [*wrong, *(one.fault() for one in file.open)], stated=file.stated)
+    if faults or file.mechanism is None or (refuse_doubts and doubts):
         raise RigError(path, [*faults, *doubts])
     return Rig(
-        name=str(tables["name"]),
-        reference_clock=str(tables["reference_clock"]),
-        mechanism=mechanism,
+        name=file.texts["name"],
+        reference_clock=file.texts["reference_clock"],
+        mechanism=file.mechanism,
         sources=tuple(s for _, s in sources),
         channels=tuple(c for _, c in channels),
         text=text,
         path=path,
         databases=texts,
-        trigger=_trigger(tables, path),
-        knowledge=knowledge,
-        report=report,
-        twin=tables.get("twin", {}),
+        trigger=file.trigger,
+        knowledge=file.knowledge,
+        report=file.report,
+        twin=file.twin,
         doubts=tuple(doubts),
     )
-
-
-def _trigger(tables: Mapping[str, Any], path: Path) -> Trigger | None:
-    if "trigger" not in tables:
-        return None
-    return trigger_from_table(tables["trigger"], quantities_in(tables), path)
 
 
 def _databases(

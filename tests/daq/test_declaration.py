@@ -38,15 +38,25 @@ class Square(DeclaredTable):
     side: Positive = Field(description="the length of a side, m")
 
 
+class Pierced(DeclaredTable):
+    hole: Finite = 0.0
+
+    def contradictions(self) -> list[Fault]:
+        return [Fault(("hole",), "must not be 1", FaultCode.CONTRADICTION)] if self.hole == 1.0 else []
+
+
 class Whole(DeclaredTable):
     name: Text
     level: Finite = 0.0
     parts: Annotated[tuple[Part, ...], Field(strict=False)] = ()
     shape: Annotated[Round | Square, Field(discriminator="kind")] | None = None
     rates: dict[str, Positive] = Field(default_factory=dict)
+    pierced: Pierced = Pierced()
+    more: Annotated[tuple[Pierced, ...], Field(strict=False)] = ()
 
-    def contradictions(self) -> list[tuple[str, str]]:
-        return [("level", "must not be 7")] if self.level == 7.0 else []
+    def contradictions(self) -> list[Fault]:
+        wrong = Fault(("level",), "must not be 7", FaultCode.CONTRADICTION)
+        return [wrong] if self.level == 7.0 else []
 
 
 def faults_of(**table: Any) -> list[Fault]:
@@ -108,6 +118,11 @@ def test_a_fault_has_its_keys_path_and_what_would_be_right(
         assert fault.problem == problem
 
 
+def test_tables_within_a_table_are_asked_for_contradictions_too() -> None:
+    faults = faults_of(level=7.0, pierced={"hole": 1.0}, more=[{}, {"hole": 1.0}])
+    assert [fault.key for fault in faults] == ["whole.level", "whole.pierced.hole", "whole.more[1].hole"]
+
+
 def test_long_values_are_cut_to_sixty_characters() -> None:
     (fault,) = faults_of(level=80 * "c")
     assert fault.problem.endswith("found '" + 56 * "c" + "...")
@@ -127,14 +142,14 @@ def test_an_unknown_key_and_an_unknown_kind_name_the_nearest() -> None:
 
 def test_rows_are_known_by_number_and_name_and_sound_ones_are_kept() -> None:
     faults: list[Fault] = []
-    rows, _ = declared_rows(
+    rows = declared_rows(
         {"whole": [{"name": "a"}, {"name": "b", "level": "x"}, {"level": 1.0}]}, "whole", Whole, faults
     )
-    assert [(where, one.name) for where, one in rows] == [((Row("whole", "a", 0),), "a")]
+    assert [(where, one.name) for where, one in rows.sound] == [((Row("whole", "a", 0),), "a")]
     assert [fault.key for fault in faults] == ["whole[1] 'b'.level", "whole[2].name"]
     for tables in ({}, {"whole": []}, {"whole": {}}, {"whole": [1]}):
         faults = []
-        assert declared_rows(tables, "whole", Whole, faults) == ([], [])
+        assert declared_rows(tables, "whole", Whole, faults).rows == ()
         assert [str(fault) for fault in faults] == ["whole: at least one table [[whole]] is needed"]
 
 
@@ -171,11 +186,12 @@ def test_a_key_that_is_misspelt_hides_nothing_else_of_its_row() -> None:
         {"name": "d"},
     ]
     faults: list[Fault] = []
-    sound, legible = declared_rows({"whole": rows}, "whole", Whole, faults)
-    assert [one.name for _, one in sound] == ["d"]
-    assert [(where, one.name) for where, one in legible] == [
+    read = declared_rows({"whole": rows}, "whole", Whole, faults)
+    assert [one.name for _, one in read.sound] == ["d"]
+    assert read.names == ["a", "b", "c", "d"]
+    assert [(where, one.name) for where, one in read.legible] == [
         ((Row("whole", "a", 0),), "a"), ((Row("whole", "b", 1),), "b"), ((Row("whole", "d", 3),), "d"),
     ]  # fmt: skip
-    assert (legible[0][1].level, len(legible[1][1].parts)) == (2.0, 2)
+    assert (read.legible[0][1].level, len(read.legible[1][1].parts)) == (2.0, 2)
     assert len(faults) == 5
     assert rows[0] == {"name": "a", "levle": 1.0, "level": 2.0}

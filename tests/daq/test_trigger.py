@@ -11,14 +11,29 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.errors import RigError
+from recoil_acquisition.errors import Fault
 from recoil_acquisition.trigger import Decision, Trigger, TriggerDetector, find_triggers, state
 from recoil_acquisition.trigger.condition import Condition, Edge, PulseWidth, RateOfChange, Window
 from recoil_acquisition.trigger.decision import Suppression
 from recoil_acquisition.trigger.shot_window import ShotCutter
-from recoil_acquisition.trigger.table import trigger_faults, trigger_from_table
+from recoil_acquisition.trigger.table import declared_trigger
 
 NAN = math.nan
+ACCELEROMETER = {"acc": ""}
+
+
+def trigger_faults(table: Any, channels: dict[str, str]) -> list[Fault]:
+    faults: list[Fault] = []
+    made = declared_trigger(table, channels, faults)
+    assert (made is None) == bool(faults)
+    return faults
+
+
+def trigger_from_table(table: Any, channels: dict[str, str]) -> Trigger:
+    faults: list[Fault] = []
+    made = declared_trigger(table, channels, faults)
+    assert made is not None, faults
+    return made
 
 
 def fired(decisions) -> list[float]:
@@ -650,8 +665,7 @@ def test_a_table_becomes_a_trigger():
             {"channel": "acc", "kind": "width", "level": 3.0, "longer_than_s": 0.1, "shorter_than_s": 0.2},
         ],
     }
-    assert trigger_faults(table, ["acc"]) == ()
-    assert trigger_from_table(table, ["acc"], "rig.toml") == Trigger(
+    assert trigger_from_table(table, ACCELEROMETER) == Trigger(
         (
             Edge("acc", 300.0, 150.0),
             Window("acc", -1.0, 1.0, "leave", 0.1),
@@ -665,7 +679,7 @@ def test_a_table_becomes_a_trigger():
         extend=True,
         manual=False,
     )
-    assert trigger_from_table({"pre_s": 0, "post_s": 1}, [], "rig.toml") == Trigger((), "any", 0.0, 1.0)
+    assert trigger_from_table({"pre_s": 0, "post_s": 1}, {}) == Trigger((), "any", 0.0, 1.0)
 
 
 def test_what_a_table_leaves_out_is_as_its_description_says():
@@ -682,18 +696,18 @@ def test_what_a_table_leaves_out_is_as_its_description_says():
         PulseWidth("acc", 3.0, None, "rising", 0.1, None),
     )
     expected = Trigger(conditions, "any", pre_s=0.5, post_s=2.0, holdoff_s=0.0, extend=False, manual=True)
-    assert trigger_from_table({"pre_s": 0.5, "post_s": 2, "any": rows}, ["acc"], "rig.toml") == expected
+    assert trigger_from_table({"pre_s": 0.5, "post_s": 2, "any": rows}, ACCELEROMETER) == expected
 
 
 def test_a_condition_whose_channel_is_unknown_says_what_else_is_wrong_with_it():
     row = {"channel": "ac", "level": 3.0, "rearm": 4.0}
-    faults = trigger_faults({"pre_s": 0.5, "post_s": 2, "any": [row]}, ["acc"])
+    faults = trigger_faults({"pre_s": 0.5, "post_s": 2, "any": [row]}, ACCELEROMETER)
     assert [fault.key for fault in faults] == ["trigger.any[0].channel", "trigger.any[0]"]
 
 
 def test_a_channel_that_is_no_name_is_one_fault():
     for channel in (["acc"], 7, None):
-        faults = trigger_faults({"pre_s": 0.5, "post_s": 2, "any": [{"channel": channel, "level": 3.0}]}, ["acc"])
+        faults = trigger_faults({"pre_s": 0.5, "post_s": 2, "any": [{"channel": channel, "level": 3.0}]}, ACCELEROMETER)
         assert [fault.key for fault in faults] == ["trigger.any[0].channel"]
 
 
@@ -712,9 +726,7 @@ def test_every_fault_of_a_table_is_told_at_once():
         ],
         "all": [],
     }
-    with pytest.raises(RigError) as caught:
-        trigger_from_table(table, ["acc", "p"], "rig.toml")
-    assert [(fault.key, fault.problem) for fault in caught.value.faults] == [
+    assert [(fault.key, fault.problem) for fault in trigger_faults(table, {"acc": "", "p": ""})] == [
         ("trigger.pre_s", "must be a time that is kept before the trigger, seconds, found '1'"),
         ("trigger.post_s", "is missing: a time that is kept behind the trigger, seconds"),
         ("trigger.extend", "must be true or false, found 1"),
@@ -732,7 +744,6 @@ def test_every_fault_of_a_table_is_told_at_once():
         ("trigger.any[4]", "a pulse width needs longer_than_s, shorter_than_s, or both"),
         ("trigger.any[5]", "low must be below high, both finite, not 3.0 and 1.0"),
     ]
-    assert trigger_faults(table, ["acc", "p"]) == caught.value.faults
 
 
 @pytest.mark.parametrize(
@@ -751,10 +762,14 @@ def test_every_fault_of_a_table_is_told_at_once():
 )
 def test_nonsense_is_a_fault_and_no_other_error(table):
     stated = {"pre_s": 1.0, "post_s": 1.0, **table}
-    with pytest.raises(RigError) as caught:
-        trigger_from_table(stated, ["acc"], "rig.toml")
-    assert caught.value.faults == trigger_faults(stated, ["acc"])
-    assert trigger_faults(table, [])
+    assert trigger_faults(stated, ACCELEROMETER)
+    assert trigger_faults(table, {})
+
+
+@pytest.mark.parametrize("table", [3, "edge", [], [{"pre_s": 1.0}]])
+def test_a_trigger_that_is_no_table_is_one_fault(table):
+    (fault,) = trigger_faults(table, ACCELEROMETER)
+    assert str(fault) == f"trigger: must be a table, found {table!r}"
 
 
 # --- levels with a unit
@@ -764,7 +779,7 @@ QUANTITIES = {"acc": "acceleration", "p": "pressure", "x": "displacement", "t": 
 
 def condition_of(**row: Any) -> Condition:
     table = {"pre_s": 0.5, "post_s": 2.0, "any": [row]}
-    (condition,) = trigger_from_table(table, QUANTITIES, "rig.toml").conditions
+    (condition,) = trigger_from_table(table, QUANTITIES).conditions
     return condition
 
 

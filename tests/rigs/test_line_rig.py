@@ -138,8 +138,8 @@ def test_a_body_of_grams_and_one_that_falls_are_possible(m3: str) -> None:
 def test_a_peak_that_is_small_for_a_gun_is_usual_on_a_line() -> None:
     rig = line_rig(*USUAL_ROLES, "recoil_displacement")
     for role, peak in (("recoil_acceleration", 2.0), ("recoil_displacement", 1e-4), ("driving_force", 50.0)):
-        assert unusual_peak(rig.with_role(role)[0], peak, rig.mechanism.model) == ""
-    assert "unusual" in unusual_peak(rig.with_role("driving_force")[0], 1e9, rig.mechanism.model)
+        assert unusual_peak(rig.with_role(role)[0], peak, rig.mechanism) == ""
+    assert "unusual" in unusual_peak(rig.with_role("driving_force")[0], 1e9, rig.mechanism)
 
 
 def test_the_uncertainties_that_shots_share_are_those_of_a_line() -> None:

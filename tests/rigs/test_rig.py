@@ -724,10 +724,10 @@ def test_all_faults_are_told_at_once() -> None:
         "mechanism.XA",
         "source[1] 'camera'.framerate",
         "channel[0] 'acc_recoil'.sensor.u_rel",
-        "channel[5] 'rate_can'.signal",
-        "source[2] 'can'.align.against",
         "channel[2] 'trigger'.quantity",
         "channel[3] 'rate_daq'.quantity",
+        "channel[5] 'rate_can'.signal",
+        "source[2] 'can'.align.against",
         "channel[6] 'sync_imu'.source",
     ]
 
@@ -999,3 +999,54 @@ def test_a_rigs_own_files_are_known_and_no_instruments(tmp_path: Path) -> None:
         (tmp_path / name).write_text(content, encoding="utf-8")
         assert rig.is_own_file(tmp_path / name) is own, name
     assert not rig.is_own_file(tmp_path / "gone.toml")
+
+
+TRIGGER = '\n[trigger]\npre_s = 0.5\npost_s = 2.0\n\n[[trigger.any]]\nchannel = "acc_recoil"\nlevel = 300.0\n'
+
+
+@pytest.mark.parametrize("value", ["{ a = 1 }", "[ 3 ]", "true"])
+@pytest.mark.parametrize("key", ["name", "source", "quantity", "role", "unit"])
+def test_a_value_of_any_type_is_one_fault_of_its_key_beside_a_trigger(key: str, value: str) -> None:
+    channel = 'name = "sync_imu"\nsource = "imu"\nsignal = "sync"\nquantity = "count"\n'
+    assert channel in RIG
+    lines = [line for line in channel.splitlines() if not line.startswith(f"{key} ")]
+    written = "\n".join([*lines, f"{key} = {value}", ""])
+    with pytest.raises(RigError) as caught:
+        rig_of(RIG.replace(channel, written) + TRIGGER)
+    row = "channel[6]" if key == "name" else "channel[6] 'sync_imu'"
+    assert f"{row}.{key}" in {fault.key for fault in caught.value.faults}
+
+
+@pytest.mark.parametrize("value", ["3", "true", "[ 3 ]", '"edge"'])
+@pytest.mark.parametrize("table", ["trigger", "knowledge", "report"])
+def test_what_is_no_table_is_told_with_what_was_found(table: str, value: str) -> None:
+    with pytest.raises(RigError) as caught:
+        rig_of(f"{table} = {value}\n{RIG}")
+    (fault,) = caught.value.faults
+    assert str(fault).startswith(f"{table}: must be a table, found ")
+
+
+@pytest.mark.parametrize(
+    ("load", "fault"),
+    [
+        ("known = 0.0\nread = 0.1", "known: a load of 0 tells nothing of a scale"),
+        ("known = 2e6\nread = -1.9e6", "read: has another sign than known, 2e+06"),
+    ],
+)
+def test_a_known_load_that_tells_nothing_is_refused(load: str, fault: str) -> None:
+    text = f'[[knowledge.load]]\nchannel = "p_breech"\nu_known = 1e4\n{load}\n'
+    with pytest.raises(RigError, match=rf"knowledge\.load\[0\]\.{re.escape(fault)}"):
+        rig_of(f"{RIG}\n{text}")
+
+
+def test_a_misspelt_key_of_a_row_hides_no_fault_within_it() -> None:
+    text = RIG.replace('kind = "sync"', 'kind = "snyc"').replace('signal = "sync"', 'signal = "sync"\nsignl = "a"')
+    text = text.replace('name = "imu"', 'name = "imu"\nmatsch = "a"').replace(
+        'unit = "mm"', 'unit = "milimeter"\nunits = "mm"'
+    )
+    with pytest.raises(RigError) as caught:
+        rig_of(text)
+    assert {fault.key for fault in caught.value.faults} == {
+        "source[3] 'imu'.matsch", "source[3] 'imu'.framing.kind", "channel[6] 'sync_imu'.signl",
+        "channel[4] 'x_recoil'.units", "channel[4] 'x_recoil'.unit",
+    }  # fmt: skip

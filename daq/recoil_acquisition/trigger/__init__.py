@@ -4,7 +4,7 @@ from recoil_acquisition.trigger.condition import Condition, Edge, PulseWidth, Ra
 from recoil_acquisition.trigger.decision import Decision
 from recoil_acquisition.trigger.detector import Trigger, TriggerDetector, find_triggers
 from recoil_acquisition.trigger.shot_window import ShotCutter, ShotWindow
-from recoil_acquisition.trigger.table import trigger_faults, trigger_from_table
+from recoil_acquisition.trigger.table import declared_trigger
 
 __all__ = [
     "Condition",
@@ -17,7 +17,6 @@ __all__ = [
     "Trigger",
     "TriggerDetector",
     "Window",
+    "declared_trigger",
     "find_triggers",
-    "trigger_faults",
-    "trigger_from_table",
 ]

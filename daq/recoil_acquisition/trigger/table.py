@@ -23,15 +23,14 @@ edge, in units per second or such as ``"2 MPa/ms"``, and ``over_s``; a ``width``
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Positive, Text, declared
-from recoil_acquisition.errors import Fault, FaultCode, KeyPath, RigError, did_you_mean, nearest_first
+from recoil_acquisition.errors import Fault, FaultCode, KeyPath, did_you_mean, nearest_first
 from recoil_acquisition.quantity import SI_UNITS, UNITS, find_rate_unit, find_unit
 from recoil_acquisition.trigger.condition import Condition, Edge, PulseWidth, RateOfChange, Window
 from recoil_acquisition.trigger.detector import Trigger
@@ -100,9 +99,7 @@ LEVELS = ("level", "rearm", "low", "high", "hysteresis")
 """Keys of a condition that may be a text with a unit."""
 
 
-def trigger_from_table(
-    table: Mapping[str, Any], channels: Sequence[str] | Mapping[str, str], path: Path | str
-) -> Trigger:
+def declared_trigger(table: Any, channels: Mapping[str, str], faults: list[Fault]) -> Trigger | None:
     """Make the trigger that a rig file declares.
 
     Parameters
@@ -110,50 +107,41 @@ def trigger_from_table(
     table
         Table ``[trigger]`` as read.
     channels
-        Names of the rig's channels, with their quantities where those are known: levels are in units of them.
-    path
-        The rig file.
+        Names of the rig's channels with their quantities, empty where one is not known: levels are in units of them.
+    faults
+        List that every fault found is appended to.
 
-    Raises
-    ------
-    RigError
-        With every fault of the table.
+    Returns
+    -------
+    Trigger or None
+        None if the table has a fault.
     """
-    trigger, faults = _parse(table, channels)
-    if trigger is None:
-        raise RigError(path, faults)
-    return trigger
-
-
-def trigger_faults(table: Mapping[str, Any], channels: Sequence[str] | Mapping[str, str]) -> tuple[Fault, ...]:
-    """Return every fault of a table ``[trigger]``; the rig's channels are as of `trigger_from_table`."""
-    return tuple(_parse(table, channels)[1])
-
-
-def _parse(table: Mapping[str, Any], channels: Sequence[str] | Mapping[str, str]) -> tuple[Trigger | None, list[Fault]]:
-    faults: list[Fault] = []
-    sound = declared(_TriggerTable, dict(table), ("trigger",), faults)
-    rows = {key: table[key] for key in ("any", "all") if isinstance(table.get(key), list | tuple)}
+    own: list[Fault] = []
+    sound = declared(_TriggerTable, table, ("trigger",), own)
+    stated = table if isinstance(table, Mapping) else {}
+    rows = {key: stated[key] for key in ("any", "all") if isinstance(stated.get(key), list | tuple)}
     if len(rows) > 1:
-        faults.append(Fault(("trigger",), "has both `any` and `all`; keep one", FaultCode.CONTRADICTION))
+        own.append(Fault(("trigger",), "has both `any` and `all`; keep one", FaultCode.CONTRADICTION))
     made = [
-        _condition(row, ("trigger", key, i), channels, faults)
+        _condition(row, ("trigger", key, i), channels, own)
         for key, given in rows.items()
         for i, row in enumerate(given)
         if isinstance(row, Mapping)
     ]
-    conditions = tuple(condition for condition in made if condition is not None)
-    if faults or sound is None:
-        return None, faults
+    faults += own
+    if own or sound is None:
+        return None
     try:
         options = sound.model_dump(exclude={"any", "all"})
-        return Trigger(conditions, "all" if "all" in rows else "any", **options), faults
+        conditions = tuple(condition for condition in made if condition is not None)
+        return Trigger(conditions, "all" if "all" in rows else "any", **options)
     except ValueError as error:
-        return None, [Fault(("trigger",), str(error), FaultCode.CONTRADICTION)]
+        faults.append(Fault(("trigger",), str(error), FaultCode.CONTRADICTION))
+        return None
 
 
 def _condition(
-    row: Mapping[str, Any], where: KeyPath, channels: Sequence[str] | Mapping[str, str], faults: list[Fault]
+    row: Mapping[str, Any], where: KeyPath, channels: Mapping[str, str], faults: list[Fault]
 ) -> Condition | None:
     kind = row.get("kind", "edge")
     if not isinstance(kind, str) or kind not in _KINDS:
@@ -162,7 +150,7 @@ def _condition(
         return None
     model, made = _KINDS[kind]
     channel = row.get("channel")
-    quantity = channels.get(str(channel), "") if isinstance(channels, Mapping) else ""
+    quantity = channels.get(str(channel), "")
     own: list[Fault] = []
     wrong_levels: list[Fault] = []
     sound = declared(model, _in_si(row, kind, quantity, where, wrong_levels), where, own)

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, did_you_mean
+from recoil_rigs.rig_file import RigFile
+from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.rig_tables import (
     MOTIONS,
-    ChannelSpec,
     ExposureAlignment,
     MotionAlignment,
     RedundantAlignment,
     Source,
     TriggerAlignment,
-    names_in,
 )
 
 FORCE_ROLE = "breech_pressure"
@@ -50,9 +49,7 @@ def motion_channels(
     return sorted(fitting, key=lambda c: (c.role != "recoil_displacement", c.quantity != "displacement"))
 
 
-def faults_of_alignment(
-    where: KeyPath, source: Source, reference: str, channels: Sequence[ChannelSpec], tables: Mapping[str, Any]
-) -> list[Fault]:
+def faults_of_alignment(where: KeyPath, source: Source, reference: str, file: RigFile) -> list[Fault]:
     """Check a source's alignment.
 
     Parameters
@@ -63,18 +60,14 @@ def faults_of_alignment(
         Source that is aligned, not that of the reference clock.
     reference
         Name of the reference clock.
-    channels
-        Channels of the rig that are sound.
-    tables
-        Tables of the whole rig file.
+    file
+        Rig file; a faulty channel is not judged twice: what it might have been is unknown.
     """
     align, faults = source.align, []
-    names = names_in(tables, "channel")
-    clocks = set(names_in(tables, "source"))
+    clocks, names = file.sources.names, file.channels.names
+    channels = [channel for _, channel in file.channels.legible]
     by_name = {channel.name: channel for channel in channels}
-    # A faulty channel is not judged twice: what it might have been is unknown
-    rows = tables.get("channel")
-    complete = isinstance(rows, list) and len(channels) == len(rows)
+    complete = 0 < len(channels) == len(file.channels.rows)
 
     def unfit(problem: str, *key: str) -> Fault:
         return Fault((*where, *key), problem, FaultCode.CONTRADICTION)
@@ -85,7 +78,7 @@ def faults_of_alignment(
         if name not in names:
             problem = f"{name!r} is no channel; {did_you_mean(name, names)}"
             faults.append(Fault((*where, key), problem, FaultCode.UNKNOWN))
-        elif name in by_name and by_name[name].source in clocks - {clock}:
+        elif name in by_name and by_name[name].source in {*clocks} - {clock}:
             faults.append(unfit(f"{name!r} must be a channel of {whose}", key))
         return by_name.get(name)
 

@@ -12,14 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from recoil_rigs.mechanism.measured_acceleration import relative_acceleration
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism, MechanismModel
+from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.force_input import ForceInput
-from recoil_rigs.tables.rig_tables import GAUGE_ROLES, ChannelSpec
+from recoil_rigs.tables.rig_tables import GAUGE_ROLES, LINE_ROLES
 
 
 class Gun(Mechanism):
     """Three bodies: the breech drives the recoiling part, brake and recuperator hold it, each a pressure on an area."""
 
-    model = MechanismModel.GUN
+    model, words = MechanismModel.GUN, "a gun"
     motion_roles = MappingProxyType(
         {
             "recoil_acceleration": "the recoiling part's accelerometer",
@@ -27,6 +28,13 @@ class Gun(Mechanism):
         }
     )
     positive_pulses = frozenset({"recoil_acceleration", "recoil_displacement", *GAUGE_ROLES})
+    shared_roles = GAUGE_ROLES
+    foreign_roles = MappingProxyType(
+        {
+            role: f'role {role!r} is one of a body on a line: write `model = "line"` in [mechanism]'
+            for role in LINE_ROLES
+        }
+    )
     spans_s = (0.12, 0.3)
     recoils_once = True
     mounted = True

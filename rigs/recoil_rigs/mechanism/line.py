@@ -13,15 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from recoil_rigs.mechanism.bounds import OF_ROLE, OF_SYMBOL, UPRIGHT, Bounds
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism, MechanismModel
+from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.force_input import ForceInput
-from recoil_rigs.tables.rig_tables import FORCE_ROLES, ChannelSpec
+from recoil_rigs.tables.rig_tables import CARRIED_ROLES, FORCE_ROLES, FORCE_SENSOR_ROLES
 
 
 class Line(Mechanism):
     """One body: a force for each channel that reads one, driving or resisting, and for each pressure with a channel."""
 
-    model = MechanismModel.LINE
+    model, words = MechanismModel.LINE, "a body on a line"
     motion_roles = MappingProxyType(
         {
             "recoil_acceleration": "the body's accelerometer",
@@ -30,6 +32,31 @@ class Line(Mechanism):
         }
     )
     sure_roles = frozenset(motion_roles)
+    bounds = MappingProxyType(
+        {
+            **OF_SYMBOL,
+            # a drop hammer falls, a specimen weighs grams
+            "m3": Bounds((1e-6, 1e7), (1e-3, 1e5), "kg"),
+            "phi20": Bounds((-UPRIGHT, UPRIGHT), (-UPRIGHT, UPRIGHT), "rad"),
+            "slide_friction": Bounds((0.0, 1e6), (0.0, 1e5), "N s/m"),
+        }
+    )
+    bounds_of_role = MappingProxyType(
+        {
+            **OF_ROLE,
+            **dict.fromkeys(FORCE_ROLES, Bounds((0.0, math.inf), (1e-2, 1e7), "N")),
+            "recoil_acceleration": Bounds((0.0, math.inf), (1e-2, 1e6), "m/s2"),
+            "recoil_velocity": Bounds((0.0, math.inf), (1e-3, 1e4), "m/s"),
+            "recoil_displacement": Bounds((0.0, math.inf), (1e-5, 1e4), "m"),
+        }
+    )
+    shared_roles = FORCE_SENSOR_ROLES
+    foreign_roles = MappingProxyType(
+        {
+            role: f"a body on a line has no role {role!r}: leave it out, the channel is recorded all the same"
+            for role in CARRIED_ROLES
+        }
+    )
     spans_s = (math.inf, math.inf)
     recoils_once = False
     mounted = False

@@ -18,12 +18,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recoil_acquisition.declaration import stated_number
-from recoil_acquisition.errors import Fault, FaultCode
 from recoil_acquisition.quantity import STANDARD_GRAVITY_M_S2
-from recoil_acquisition.typed_quantity import TypedError
+from recoil_rigs.mechanism.bounds import OF_ROLE, OF_SYMBOL, Bounds
+from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.force_input import AREAS, SIGNS, ForceInput
-from recoil_rigs.tables.rig_tables import GAUGE_ROLES, ChannelSpec
+from recoil_rigs.tables.rig_tables import GAUGE_ROLES
 
 MECHANISM = "mechanism"
 """Name of the table of a rig file in which the parameters stand."""
@@ -50,6 +49,14 @@ class Mechanism(ABC):
         Roles of which a channel counts only if its clock is aligned beyond doubt: what it tells others tell, too.
     positive_pulses
         Roles whose quantity is positive by convention while the mass recoils.
+    words
+        Name of what it is, as people say it.
+    bounds, bounds_of_role
+        Bounds of its values by symbol; and, by role, of how far a sensor reaches and of its peak in a shot, SI.
+    shared_roles
+        Roles that several channels may bear.
+    foreign_roles
+        Roles that it does not know -> what is wrong with a channel of one, and what to do.
     spans_s
         Times from the onset, s: over which spectra are taken, of pulse, brake and the knocks at its end; and after
         which nothing is looked through for clipping or filtered. Infinite where it moves as long as the record goes on.
@@ -143,10 +150,15 @@ class Mechanism(ABC):
     unstated: frozenset[str] = frozenset()
 
     model: ClassVar[MechanismModel]
+    words: ClassVar[str]
     motion_roles: ClassVar[Mapping[str, str]]
     sure_roles: ClassVar[frozenset[str]] = frozenset()
     positive_pulses: ClassVar[frozenset[str]] = frozenset()
     spans_s: ClassVar[tuple[float, float]]
+    bounds: ClassVar[Mapping[str, Bounds]] = OF_SYMBOL
+    bounds_of_role: ClassVar[Mapping[str, Bounds]] = OF_ROLE
+    shared_roles: ClassVar[tuple[str, ...]]
+    foreign_roles: ClassVar[Mapping[str, str]]
     recoils_once: ClassVar[bool]
     mounted: ClassVar[bool]
 
@@ -303,15 +315,3 @@ UNITS: Mapping[str, str] = MappingProxyType(
     }
 )
 """Symbol -> its unit, and that of its standard uncertainty; empty for a share."""
-
-
-def stated_values(table: Mapping[str, Any], faults: list[Fault]) -> dict[str, Any]:
-    """Return the values of a table ``[mechanism]``, texts with a unit as numbers in SI; faults are appended."""
-    values: dict[str, Any] = {}
-    for key, value in table.items():
-        try:
-            unit = UNITS.get(key.removeprefix("u_"))
-            values[key] = stated_number(value, unit, difference=key.startswith("u_"))
-        except TypedError as error:
-            faults.append(Fault((MECHANISM, key), f"{error}, found {value!r}", FaultCode.UNIT))
-    return values

@@ -19,7 +19,7 @@ from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit
 from recoil_acquisition.readers.own_rows import own_rows
 from recoil_acquisition.readers.recording import Recording, SignalHeader
 from recoil_rigs.rig import ChannelSpec, Rig, Source
-from recoil_rigs.tables.rig_tables import range_si
+from recoil_rigs.tables.channel_table import range_si
 
 __all__ = [
     "about_unknown_unit",

@@ -12,14 +12,9 @@ from recoil_acquisition.quantity import STANDARD_ATMOSPHERE_PA
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 from recoil_rigs.rig import Rig
+from recoil_rigs.tables.channel_table import USUAL_U_DISTORTION_M, USUAL_U_LINE_S, USUAL_U_ZERO_REL
 from recoil_rigs.tables.force_input import AREAS
-from recoil_rigs.tables.rig_tables import (
-    CARRIAGE_ACCELERATIONS,
-    FORCE_SENSOR_ROLES,
-    USUAL_U_DISTORTION_M,
-    USUAL_U_LINE_S,
-    USUAL_U_ZERO_REL,
-)
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS, FORCE_SENSOR_ROLES
 
 CARRIAGE_ROLES = (*CARRIAGE_ACCELERATIONS, "carriage_rate", "tipping_rate")
 """Roles whose term in the equation of motion is taken at rest where no channel measures it."""

@@ -19,7 +19,7 @@ from recoil_acquisition.errors import Fault, FaultCode, KeyPath, RigError, Row, 
 from recoil_acquisition.readers.recording import SignalHeader
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 from recoil_rigs.shots.assemble import si_line, unit_of
-from recoil_rigs.tables.rig_tables import Sensor
+from recoil_rigs.tables.channel_table import Sensor
 
 Table = TypeVar("Table", Source, ChannelSpec)
 

@@ -14,8 +14,9 @@ from types import MappingProxyType
 from recoil_acquisition.errors import Fault, FaultCode, RigError, did_you_mean
 from recoil_rigs.mechanism.mechanism_parameters import UNITS
 from recoil_rigs.rig import Rig
+from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.force_input import AREAS
-from recoil_rigs.tables.rig_tables import FORCE_SENSOR_ROLES, ChannelSpec
+from recoil_rigs.tables.rig_tables import FORCE_SENSOR_ROLES
 
 SCALED_ROLES = (*FORCE_SENSOR_ROLES, "recoil_acceleration", "recoil_velocity", "recoil_displacement")
 """Roles whose scale is the same in every shot of a rig, and enters the mass."""

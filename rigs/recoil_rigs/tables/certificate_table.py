@@ -29,7 +29,7 @@ from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit, normal
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Line, Spreadsheet
 from recoil_acquisition.store.written_number import decimal_mark
 from recoil_acquisition.typed_quantity import TypedError, typed_quantity
-from recoil_rigs.tables.rig_tables import ChannelSpec
+from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.sensitivity import sensitivity_from_text
 
 USUAL_NAME = "sensors.csv"

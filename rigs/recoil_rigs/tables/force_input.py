@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from recoil_rigs.tables.rig_tables import ChannelSpec
+from recoil_rigs.tables.channel_table import ChannelSpec
 
 AREAS = ("bore_area", "brake_area", "recuperator_area")
 """Areas on which the pressures of `recoil_rigs.tables.rig_tables.GAUGE_ROLES` act, in their order."""

@@ -9,12 +9,12 @@ from __future__ import annotations
 import base64
 import binascii
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.declaration import DeclaredTable, Pair, Text, Texts, declared
-from recoil_acquisition.errors import Fault, FaultCode, KeyPath, ReadError, RigError
+from recoil_acquisition.errors import Fault, FaultCode, ReadError, RigError
 from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.files.regular_file import read_small
 from recoil_acquisition.quantity import find_unit
@@ -59,15 +59,15 @@ class Issue(DeclaredTable):
     """Units of figures, peaks and sentences, one of each quantity: ``["bar", "g", "lbf"]``; SI of the others. Documents
     and tables for machines stay in SI, and masses in kg."""
 
-    def contradictions(self) -> Sequence[tuple[str | KeyPath, str]]:
+    def contradictions(self) -> Sequence[Fault]:
         """Return what is wrong with a tolerance or a logo."""
-        found: list[tuple[str | KeyPath, str]] = []
+        found: list[tuple[str, str]] = []
         if self.tolerance_kg is not None and not self.tolerance_kg[0] < self.tolerance_kg[1]:
             found.append(("tolerance_kg", "must be [lower, upper] about the specification, such as [-4.0, 4.0]"))
         found += [("units", problem) for problem in _faults_of_units(self.units or ())]
         if self.logo is not None and (problem := _fault_of_logo(self.logo)):
             found.append(("logo", problem))
-        return found
+        return [Fault((key,), problem, FaultCode.CONTRADICTION) for key, problem in found]
 
     def over(self, other: Issue) -> Issue:
         """Return both as one: what this one leaves out is the other's."""
@@ -80,15 +80,6 @@ class Issue(DeclaredTable):
 
 NOTHING_STATED = Issue()
 """Identity of a report of which nothing is stated."""
-
-
-def checked_issue(tables: Mapping[str, Any], faults: list[Fault]) -> Issue:
-    """Validate ``[report]``; faults are appended."""
-    table = tables.get(REPORT, {})
-    if not isinstance(table, dict):
-        faults.append(Fault((REPORT,), "must be a table", FaultCode.TYPE))
-        return NOTHING_STATED
-    return declared(Issue, table, (REPORT,), faults) or NOTHING_STATED
 
 
 def read_header(path: Path) -> Issue:

@@ -9,12 +9,14 @@ gauge that was shown a known load, or that reads a known one at rest before each
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Annotated
 
-from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Positive, Text, declared
-from recoil_acquisition.errors import Fault, FaultCode, KeyPath
-from recoil_rigs.tables.rig_tables import ChannelSpec
+from pydantic import Field
+
+from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Positive, Text
+from recoil_acquisition.errors import Fault, FaultCode
+from recoil_rigs.tables.channel_table import ChannelSpec
 
 
 class ProjectileImpulse(DeclaredTable):
@@ -85,14 +87,13 @@ class KnownLoad(DeclaredTable):
     read: Finite | None = None
     """Reading of the gauge under it, in the channel's unit; if left out, what it reads before each shot is taken."""
 
-    def contradictions(self) -> Sequence[tuple[str | KeyPath, str]]:
+    def contradictions(self) -> Sequence[Fault]:
         """Return what is wrong with a load that is none."""
-        found: list[tuple[str | KeyPath, str]] = []
         if self.known == 0:
-            found.append(("known", "a load of 0 tells nothing of a scale"))
-        elif self.read is not None and not self.read / self.known > 0:
-            found.append(("read", f"has another sign than known, {self.known:g}"))
-        return found
+            return [Fault(("known",), "a load of 0 tells nothing of a scale", FaultCode.CONTRADICTION)]
+        if self.read is not None and not self.read / self.known > 0:
+            return [Fault(("read",), f"has another sign than known, {self.known:g}", FaultCode.CONTRADICTION)]
+        return []
 
 
 class Knowledge(DeclaredTable):
@@ -100,7 +101,7 @@ class Knowledge(DeclaredTable):
 
     projectile: ProjectileImpulse | None = None
     """Projectile and charge, see ``[knowledge.projectile]``."""
-    load: tuple[KnownLoad, ...] = ()
+    load: Annotated[tuple[KnownLoad, ...], Field(strict=False)] = ()
     """Known loads, see ``[[knowledge.load]]``."""
 
 
@@ -109,29 +110,17 @@ NOTHING_KNOWN = Knowledge()
 """Knowledge of a rig file that states none."""
 
 
-def checked_knowledge(tables: Mapping[str, Any], channels: Sequence[ChannelSpec], faults: list[Fault]) -> Knowledge:
-    """Validate ``[knowledge]``; faults are appended."""
-    table = tables.get(KNOWLEDGE, {})
-    if not isinstance(table, dict):
-        faults.append(Fault((KNOWLEDGE,), "must be a table", FaultCode.TYPE))
-        return NOTHING_KNOWN
-    listed = table.get("load", [])
-    if isinstance(listed, list):
-        table = {**table, "load": tuple(listed)}
-    found = declared(Knowledge, table, (KNOWLEDGE,), faults)
-    if found is None:
-        return NOTHING_KNOWN
-    roles = {channel.role for channel in channels}
-    if found.projectile is not None and "breech_pressure" not in roles:
+def faults_of_knowledge(knowledge: Knowledge, channels: Sequence[ChannelSpec]) -> Iterator[Fault]:
+    """Check that what is known is of the rig's gauges; these are its sound channels."""
+    if knowledge.projectile is not None and not any(one.role == "breech_pressure" for one in channels):
         problem = "needs a channel of role 'breech_pressure', whose impulse it is"
-        faults.append(Fault((KNOWLEDGE, "projectile"), problem, FaultCode.CONTRADICTION))
+        yield Fault((KNOWLEDGE, "projectile"), problem, FaultCode.CONTRADICTION)
     gauges = {channel.name: channel for channel in channels if channel.quantity in ("pressure", "force")}
-    for number, load in enumerate(found.load):
-        where = (KNOWLEDGE, f"load[{number}]", "channel")
+    for number, load in enumerate(knowledge.load):
+        where = (KNOWLEDGE, "load", number, "channel")
         if load.channel not in gauges:
             problem = f"{load.channel!r} is no gauge of a force: {', '.join(gauges) or 'there is none'}"
-            faults.append(Fault(where, problem, FaultCode.VALUE))
+            yield Fault(where, problem, FaultCode.VALUE)
         elif load.read is None and gauges[load.channel].role in ("breech_pressure", "brake_pressure"):
             problem = f"{load.channel!r} is taken for empty at rest, and its zero for what it reads: state `read`"
-            faults.append(Fault(where, problem, FaultCode.CONTRADICTION))
-    return found
+            yield Fault(where, problem, FaultCode.CONTRADICTION)

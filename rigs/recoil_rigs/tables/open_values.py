@@ -7,7 +7,7 @@ ever taken in their place.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,27 +53,54 @@ def question_of(value: Any) -> str | None:
     return None if found is None else found.group(1).strip()
 
 
-def without_open_values(tables: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[OpenValue, ...]]:
-    """Return a rig file's tables without its open values, and these in the order of the file."""
+@dataclass(frozen=True)
+class StatedTables:
+    """Tables of a rig file without its open values.
+
+    Attributes
+    ----------
+    open
+        Open values, in the order of the file.
+    stated
+        Number of the values that only a person knows and that the tables state: of mechanism, knowledge, roles and
+        sensors. An array of numbers is one.
+    """
+
+    tables: dict[str, Any]
+    open: tuple[OpenValue, ...]
+    stated: int
+
+
+def without_open_values(tables: Mapping[str, Any]) -> StatedTables:
+    """Part a rig file's tables from its open values."""
     found: list[OpenValue] = []
-    return _sound(tables, (), found), tuple(found)
+    stated: list[KeyPath] = []
+    kept = _sound(tables, (), found, stated)
+    return StatedTables(kept, tuple(found), sum(map(_is_of_people, stated)))
 
 
-def _sound(table: Mapping[str, Any], where: KeyPath, found: list[OpenValue]) -> dict[str, Any]:
+def _sound(table: Mapping[str, Any], where: KeyPath, found: list[OpenValue], stated: list[KeyPath]) -> dict[str, Any]:
     kept: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, dict):
-            kept[key] = _sound(value, (*where, key), found)
+            kept[key] = _sound(value, (*where, key), found, stated)
         elif isinstance(value, list) and any(isinstance(one, dict) for one in value):
             kept[key] = [
-                _sound(one, _place(where, key, i, one), found) if isinstance(one, dict) else one
+                _sound(one, _place(where, key, i, one), found, stated) if isinstance(one, dict) else one
                 for i, one in enumerate(value)
             ]
         elif (question := question_of(value)) is not None:
             found.append(OpenValue((*where, key), question))
         else:
             kept[key] = value
+            stated.append((*where, key))
     return kept
+
+
+def _is_of_people(parts: KeyPath) -> bool:
+    """Whether only a person knows a value, by its key."""
+    is_of_channel = isinstance(parts[0], Row) and parts[0].table == "channel"
+    return parts[1] in _OF_PEOPLE_IN_CHANNELS if is_of_channel else parts[0] in _OF_PEOPLE
 
 
 def _place(where: KeyPath, key: str, index: int, row: Mapping[str, Any]) -> KeyPath:
@@ -81,24 +108,3 @@ def _place(where: KeyPath, key: str, index: int, row: Mapping[str, Any]) -> KeyP
         return (*where, key, index)
     name = row.get("name")
     return (Row(key, name if isinstance(name, str) else None, index),)
-
-
-def count_stated(tables: Mapping[str, Any]) -> int:
-    """Return how many values a rig file states that only a person knows: of mechanism, knowledge, roles and sensors."""
-    rows = tables.get("channel", [])
-    channels = [row for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
-    of_people = [tables[key] for key in _OF_PEOPLE if key in tables]
-    of_people += [row[key] for row in channels for key in _OF_PEOPLE_IN_CHANNELS if key in row]
-    return sum(1 for one in of_people for _ in _values(one))
-
-
-def _values(value: Any) -> Iterator[Any]:
-    """Yield the values of a table, of those in it too; an array of numbers is one."""
-    if isinstance(value, dict):
-        for one in value.values():
-            yield from _values(one)
-    elif isinstance(value, list) and any(isinstance(one, dict) for one in value):
-        for one in value:
-            yield from _values(one)
-    else:
-        yield value

@@ -150,7 +150,7 @@ def test_the_layout_that_a_table_seems_to_have(lines: str, table: dict, lacking:
     assert proposed is not None
     assert (dict(proposed.table), proposed.lacking) == (table, lacking)
     layout = TextLayout.model_validate(dict(proposed.table))
-    faults = [key for key, _ in layout.contradictions()]
+    faults = [fault.key for fault in layout.contradictions()]
     assert faults == (["time_column"] if "`time_column` or `rate_hz`" in lacking else [])
 
 

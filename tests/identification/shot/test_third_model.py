@@ -13,8 +13,8 @@ from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_rigs.mechanism.line import Line
 from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.force_input import ForceInput
-from recoil_rigs.tables.rig_tables import ChannelSpec
 from tests.builders.line_motions import LineBody
 
 STIFFNESS_N_M = 3000.0

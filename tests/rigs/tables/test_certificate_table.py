@@ -9,7 +9,7 @@ import pytest
 
 from recoil_acquisition.errors import ReadError, RigError
 from recoil_rigs.tables.certificate_table import COLUMNS, Certificate, certificate_for, read_certificates
-from recoil_rigs.tables.rig_tables import Sensor
+from recoil_rigs.tables.channel_table import Sensor
 
 HEAD = "serial,quantity,unit,sensitivity,sensitivity_unit,range_low,range_high,U_percent,k,calibrated,due"
 SOUND = "V301,pressure,MPa,40,mV/MPa,0,250,1,2,2026-03-01,2027-03-01"

@@ -6,7 +6,7 @@ import pytest
 
 from recoil_acquisition.errors import FaultCode, RigError
 from recoil_rigs.rig import find_rig, parse_rig
-from recoil_rigs.tables.open_values import count_stated, without_open_values
+from recoil_rigs.tables.open_values import without_open_values
 
 MIXED = find_rig("mixed")
 
@@ -50,9 +50,9 @@ def test_what_else_is_wrong_is_told_beside_it() -> None:
 
 def test_a_text_that_only_holds_the_word_is_no_open_value() -> None:
     tables = tomllib.loads('name = "not TODO"\nother = "TODOS"\nlist = ["a", "TODO b"]\n')
-    kept, found = without_open_values(tables)
-    assert kept == {"name": "not TODO", "other": "TODOS"}
-    assert [(one.parts, one.question) for one in found] == [(("list",), "b")]
+    found = without_open_values(tables)
+    assert found.tables == {"name": "not TODO", "other": "TODOS"}
+    assert [(one.parts, one.question) for one in found.open] == [(("list",), "b")]
 
 
 def test_what_only_a_person_knows_is_counted_value_by_value() -> None:
@@ -72,4 +72,4 @@ def test_what_only_a_person_knows_is_counted_value_by_value() -> None:
         role = "breech_pressure"
         sensor = { range = [0, 1], u_rel = 0.1 }
     """
-    assert count_stated(tomllib.loads(text)) == 2 + 1 + 2 + 1 + 2
+    assert without_open_values(tomllib.loads(text)).stated == 2 + 1 + 2 + 1 + 2

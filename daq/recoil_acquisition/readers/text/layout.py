@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from recoil_acquisition.declaration import DeclaredTable, Positive, Text, Texts
-from recoil_acquisition.errors import nearest_first
+from recoil_acquisition.errors import Fault, FaultCode, nearest_first
 
 ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1250", "cp1251", "cp1252", "latin-1", "ascii")
 MOST_ROWS = 1000
@@ -78,9 +78,9 @@ class TextLayout(DeclaredTable):
     )
     """The characters that begin a comment, a line that is no row."""
 
-    def contradictions(self) -> list[tuple[str, str]]:
+    def contradictions(self) -> list[Fault]:
         """Return the faults between keys that are sound alone."""
-        faults = []
+        faults: list[tuple[str, str]] = []
         given = self.model_fields_set
         if self.separator == "," and self.decimal == ",":
             faults.append(("decimal", "a comma cannot both separate cells and mark decimals"))
@@ -109,7 +109,8 @@ class TextLayout(DeclaredTable):
             faults.append(("time_column", "is missing; or declare `rate_hz`"))
         if self.time_unit is not None and self.time_column is None:
             faults.append(("time_unit", "needs `time_column`"))
-        return faults + _faults_of_time_column(self)
+        faults += _faults_of_time_column(self)
+        return [Fault((key,), problem, FaultCode.CONTRADICTION) for key, problem in faults]
 
 
 def _faults_of_time_column(layout: TextLayout) -> list[tuple[str, str]]:

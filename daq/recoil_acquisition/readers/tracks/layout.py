@@ -32,7 +32,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from recoil_acquisition.declaration import DeclaredTable
-from recoil_acquisition.errors import KeyPath
+from recoil_acquisition.errors import Fault, FaultCode, KeyPath
 from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.readers.text.cells import SEPARATORS, is_number, split_cells
 from recoil_acquisition.readers.text_file import LongText, TextFile, one_line_end
@@ -226,16 +226,16 @@ class TrackLayout(DeclaredTable):
         numbers = (one for one in self.lost if not isinstance(one, str) or is_number(one.strip()))
         return tuple(float(one.strip().replace(",", ".")) if isinstance(one, str) else one for one in numbers)
 
-    def contradictions(self) -> list[tuple[str | KeyPath, str]]:
+    def contradictions(self) -> list[Fault]:
         """Return the faults between keys that are sound alone."""
-        wrong: list[tuple[str | KeyPath, str]] = []
+        wrong: list[tuple[KeyPath, str]] = []
         if self.decimal == self.separator:
-            wrong.append(("decimal", "is the separator too"))
+            wrong.append((("decimal",), "is the separator too"))
         others = {self.separator: "separator", self.decimal: "decimal mark"}
         if self.thousands in others:
-            wrong.append(("thousands", f"is the {others[self.thousands]} too"))
+            wrong.append((("thousands",), f"is the {others[self.thousands]} too"))
         if self.header_row is not None and self.first_line <= self.header_row:
-            wrong.append(("first_row", f"{self.first_row} is not below header_row {self.header_row}"))
+            wrong.append((("first_row",), f"{self.first_row} is not below header_row {self.header_row}"))
         columns: dict[KeyPath, Any] = {("frame_column",): self.frame_column, ("time_column",): self.time_column}
         for i, feature in enumerate(self.features):
             own: dict[KeyPath, Any] = {("features", i, key): getattr(feature, key) for key in ("x", "y", "angle")}
@@ -247,4 +247,5 @@ class TrackLayout(DeclaredTable):
             wrong += [(key, "names a heading, so `header_row` is needed") for key in named]
         names = [feature.name for feature in self.features]
         doubled = [name for name in dict.fromkeys(names) if names.count(name) > 1]
-        return wrong + [("features", f"the name {name!r} is there twice") for name in doubled]
+        wrong += [(("features",), f"the name {name!r} is there twice") for name in doubled]
+        return [Fault(key, problem, FaultCode.CONTRADICTION) for key, problem in wrong]

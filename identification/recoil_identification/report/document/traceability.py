@@ -13,7 +13,7 @@ from recoil_identification.inference.estimate import Estimate
 from recoil_processing.shot.error_source import ErrorSource
 from recoil_rigs.mechanism.mechanism_parameters import MEANINGS
 from recoil_rigs.rig import Rig
-from recoil_rigs.tables.rig_tables import ChannelSpec, Sensor
+from recoil_rigs.tables.channel_table import ChannelSpec, Sensor
 
 Document = dict[str, Any]
 

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from recoil_acquisition.declaration import declared
 from recoil_acquisition.errors import Fault
 from recoil_acquisition.measured import beside, measured, worded
 from recoil_acquisition.quality_check import Check, QualityCheck
@@ -24,7 +25,7 @@ from recoil_identification.report.figure.figure import Figure, HorizontalLine, P
 from recoil_identification.report.figure.figures import report_figures
 from recoil_identification.report.page.html import render_page
 from recoil_identification.report.sections import sections_of
-from recoil_rigs.tables.issue import Issue, checked_issue
+from recoil_rigs.tables.issue import Issue
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.virtual_shots import identified
 from tests.identification.report.page.test_report_html import a_report
@@ -84,7 +85,7 @@ def test_a_page_without_a_choice_is_in_si() -> None:
 )  # fmt: skip
 def test_a_unit_that_no_page_can_have_is_a_fault_of_the_rig(units: list[str], words: str) -> None:
     faults: list[Fault] = []
-    checked_issue({"report": {"units": units}}, faults)
+    declared(Issue, {"units": units}, ("report",), faults)
     assert len(faults) == 1
     assert words in str(faults[0])
 
