@@ -104,6 +104,11 @@ def stated_step(properties: Mapping[str, Any], names: frozenset[str] = STEPS) ->
     return _stated(properties, names, time_unit_s, "time", _X_UNITS)
 
 
+def of_instants(name: str) -> bool:
+    """Return whether a name is that of an offset in time."""
+    return _unit_behind(name, OFFSETS, time_unit_s) is not None
+
+
 def _stated(
     properties: Mapping[str, Any],
     names: frozenset[str],
