@@ -283,6 +283,10 @@ class Recording(Listed):
         """
         return self._find(name).header
 
+    def statements(self, name: str) -> Statements:
+        """Return what stands beside the samples of one signal; raises as `header`."""
+        return self._find(name).beside
+
     def tracks(self) -> tuple[Track, ...]:
         """Return the markers' paths of a camera's file; empty for every other kind."""
         return self._said(self._tracks)

@@ -46,10 +46,10 @@ _LEAST_WORDS, _MOST_WORDS = frozenset({"min", "low", "lower", "least"}), frozens
 _POLYNOMIAL = re.compile(r"[abckm]_?\d?", re.IGNORECASE)
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _NUMBER_AND_UNIT = re.compile(rf"\s*({_NUMBER})(?![\d.:-])\s*([^\d\s]\S*)?\s*")
-_LINE = re.compile(rf"[\s#%/;*\"]*([^\W\d][^:=,;\t\"]{{0,60}}?)\"?\s*[:=,;\t]+\s*\"?({_NUMBER})(?![\d.:/-])\s*([^\d\s,;]*)")
-_IN_WORDS = re.compile(
-    rf"(?i)\b\w{{0,20}}(?:{'|'.join(_SCALES + _SHIFTS)})\w{{0,20}}\W{{1,3}}(?:is |of |= )?{_NUMBER}"
+_LINE = re.compile(
+    rf"[\s#%/;*\"]*([^\W\d][^:=,;\t\"]{{0,60}}?)\"?\s*[:=,;\t]+\s*\"?({_NUMBER})(?![\d.:/-])\s*([^\d\s,;]*)"
 )
+_IN_WORDS = re.compile(rf"(?i)\b\w{{0,20}}(?:{'|'.join(_SCALES + _SHIFTS)})\w{{0,20}}\W{{1,3}}(?:is |of |= )?{_NUMBER}")
 
 
 class StatementKind(StrEnum):
@@ -142,9 +142,9 @@ class Statements:
             words = set(_words(one.name))
             if len(one.numbers) == 2:
                 low, high = max(low, min(one.numbers)), min(high, max(one.numbers))
-            elif one.numbers and words & _LEAST_WORDS or "minimum" in _folded(one.name):
+            elif (one.numbers and words & _LEAST_WORDS) or "minimum" in _folded(one.name):
                 low = max(low, *one.numbers)
-            elif one.numbers and words & _MOST_WORDS or "maximum" in _folded(one.name):
+            elif (one.numbers and words & _MOST_WORDS) or "maximum" in _folded(one.name):
                 high = min(high, *one.numbers)
             elif one.numbers:
                 low, high = max(low, -abs(one.numbers[0])), min(high, abs(one.numbers[0]))

@@ -62,12 +62,14 @@ from recoil_acquisition.readers.mat.variable import (
 )
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.statements import Statements
 from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 T = TypeVar("T")
 
 _DEWESOFT_TIME = re.compile(r"(?P<data>.+?)_time(?:_(?P<channel>.+))?", re.IGNORECASE)
+_UNITS = ("unit", "units")
 _STEPS = STEPS | {"ts"}
 HEAD_V73 = b"MATLAB 7.3 MAT-file"
 DATENUMS = (693962.0, 767011.0)
@@ -306,9 +308,13 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
             timeless += 1
             continue
         starts.add(time.time_base.absolute_start)
-        header = SignalHeader(vector.name, "", time.time_base.count, metadata={"time": source})
-        raw = partial(_raw, vector, time.kept) if vector.dtype.kind in "iu" else None
-        channels.append(StoredChannel(header, time.time_base, partial(_samples, vector, time.kept), raw))
+        said = _said_of(vector, contents, names)
+        unit = next((name for name in said if folded(name).endswith(_UNITS) and name != "time_unit"), None)
+        text = "" if unit is None else str(said[unit]).strip()
+        header = SignalHeader(vector.name, text, time.time_base.count, metadata={"time": source})
+        raw = partial(_raw, vector, time.kept, text) if vector.dtype.kind in "iu" else None
+        beside = Statements(said, {unit, chosen[0] if isinstance(chosen, tuple) else None}, raw is not None)
+        channels.append(StoredChannel(header, time.time_base, partial(_samples, vector, time.kept), raw, beside=beside))
     notes += [unused_time_note(t.name) for t in times if t.name not in read]
     if timeless and not channels:
         raise no_signal(
@@ -325,7 +331,7 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
     if len(starts) > 1:
         text = "time vectors with date numbers start at different instants: compare no channels across them"
         notes.append(Note(NoteCode.TIME, None, text))
-    of_units = [Note(NoteCode.UNITS, None, NO_UNITS)] if channels else []
+    of_units = [Note(NoteCode.UNITS, None, NO_UNITS)] if any(not one.header.unit for one in channels) else []
     notes = [*of_units, *notes, *left_out_notes(left_out)]
     return container_recording(
         path, MatReader.name, channels, metadata, notes, contents.incomplete, start, left_out, NO_VECTORS
@@ -344,6 +350,17 @@ def _stated_time(
         if chosen is not None:
             return chosen
     return None
+
+
+def _said_of(channel: MatVariable, contents: MatContents, names: Collection[str]) -> dict[str, Any]:
+    """Return the numbers and texts that may be of a channel: behind its name, or behind that of none, where it is."""
+    said: dict[str, Any] = {}
+    for group in reversed(channel.groups):
+        for name, value in (_beside(contents.scalars, group) | _beside(contents.texts, group)).items():
+            owner = max((one for one in names if name.startswith(f"{one}_")), key=len, default=None)
+            if owner in (None, channel.own_name):
+                said[name] = value
+    return said
 
 
 def _beside(values: Mapping[str, T], group: str) -> dict[str, T]:
@@ -401,5 +418,5 @@ def _samples(vector: MatVariable, kept: NDArray[np.int64] | None, start: int, st
     return selected(kept, vector.read, start, stop).astype(np.float64, copy=False)
 
 
-def _raw(vector: MatVariable, kept: NDArray[np.int64] | None, start: int, stop: int) -> RawCounts:
-    return RawCounts(selected(kept, vector.read, start, stop), 1.0, 0.0, "")
+def _raw(vector: MatVariable, kept: NDArray[np.int64] | None, unit: str, start: int, stop: int) -> RawCounts:
+    return RawCounts(selected(kept, vector.read, start, stop), 1.0, 0.0, unit)
