@@ -23,11 +23,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.readers.containers.time_axis import of_instants
+from recoil_acquisition.readers.containers.time_axis import folded, of_instants
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 MOST_SHOWN = 6
 """Signals that a note names."""
+LONGEST_TEXT, LONGEST_LINE = 2000, 300
+"""Signs of a text, and of a line, that are looked at."""
 LONGEST = 80
 """Signs of a statement that a note quotes."""
 _SCALES = (
@@ -38,8 +40,11 @@ _SCALES = (
 _SHIFTS = ("offset", "intercept", "bias", "zeropoint", "zerolevel", "nullpunkt")
 _RANGES = ("range", "fullscale", "limit", "minimum", "maximum", "bereich")
 _LOST = ("fillvalue", "missing", "nodata", "invalid", "undefined", "sentinel", "notavailable", "errorvalue")
-_OF_TIME = ("start", "time", "trigger", "utc", "zone", "sync", "wfx", "bit", "byte", "xunit")
-"""Parts of names of offsets, limits and units that are of instants, or of places in a file."""
+_OF_TIME = (
+    "start", "time", "trigger", "utc", "zone", "sync", "wfx", "bit", "byte", "xunit", "bandwidth", "frequency", "rate",
+    "duration", "filter",
+)  # fmt: skip
+"""Parts of names of offsets, limits and units that are of instants, rates, or places in a file."""
 _OF_PEOPLE = ("date", "day", "year", "due", "serial", "number", "ident", "type", "status", "name", "by")
 """Ends of names that say who calibrated what, and when: numbers of no factor."""
 _LEAST_WORDS, _MOST_WORDS = frozenset({"min", "low", "lower", "least"}), frozenset({"max", "high", "upper", "most"})
@@ -48,6 +53,10 @@ _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _NUMBER_AND_UNIT = re.compile(rf"\s*({_NUMBER})(?![\d.:-])\s*([^\d\s]\S*)?\s*")
 _LINE = re.compile(
     rf"[\s#%/;*\"]*([^\W\d][^:=,;\t\"]{{0,60}}?)\"?\s*[:=,;\t]+\s*\"?({_NUMBER})(?![\d.:/-])\s*([^\d\s,;]*)"
+)
+_UNIT_LINE = re.compile(
+    r"[\s#%/;*\"]*((?:[^\W\d_][\w ]{0,30}[ _])?(?:units?|einheit))\"?\s*[:=,;\t]\s*\"?([^\s\",;]{1,20})[\",;\s]*",
+    re.IGNORECASE,
 )
 _IN_WORDS = re.compile(rf"(?i)\b\w{{0,20}}(?:{'|'.join(_SCALES + _SHIFTS)})\w{{0,20}}\W{{1,3}}(?:is |of |= )?{_NUMBER}")
 
@@ -118,8 +127,15 @@ class Statements:
     @cached_property
     def open(self) -> tuple[Statement, ...]:
         """Statements that nobody used and that may change what samples mean."""
-        found = (statement_of(name, value) for name, value in self.said.items() if name not in self.used)
-        return tuple(one for one in found if one is not None and not one.is_neutral)
+        found: list[Statement | None] = []
+        for name, value in self.said.items():
+            if name in self.used:
+                continue
+            found.append(statement_of(name, value))
+            if found[-1] is None and isinstance(value, str):
+                lines = statements_in(value[:LONGEST_TEXT].splitlines())
+                found += [statement_of(*one) for one in lines.items()] if lines else [_in_words(name, value)]
+        return tuple(dict.fromkeys(one for one in found if one is not None and not one.is_neutral))
 
     @property
     def scaling(self) -> str:
@@ -142,9 +158,9 @@ class Statements:
             words = set(_words(one.name))
             if len(one.numbers) == 2:
                 low, high = max(low, min(one.numbers)), min(high, max(one.numbers))
-            elif (one.numbers and words & _LEAST_WORDS) or "minimum" in _folded(one.name):
+            elif (one.numbers and words & _LEAST_WORDS) or "minimum" in folded(one.name):
                 low = max(low, *one.numbers)
-            elif (one.numbers and words & _MOST_WORDS) or "maximum" in _folded(one.name):
+            elif (one.numbers and words & _MOST_WORDS) or "maximum" in folded(one.name):
                 high = min(high, *one.numbers)
             elif one.numbers:
                 low, high = max(low, -abs(one.numbers[0])), min(high, abs(one.numbers[0]))
@@ -160,9 +176,6 @@ def statement_of(name: str, value: Any) -> Statement | None:
     numbers, unit = _numbers_of(value)
     text = f"{', '.join(f'{n:g}' for n in numbers[:4])}{' ..' if len(numbers) > 4 else ''} {unit}".strip()
     kind = _kind_of(name, value, numbers)
-    if kind is None and isinstance(value, str):
-        found = _IN_WORDS.search(value)
-        return None if found is None else Statement(StatementKind.WORDS, name, (), repr(_cut(value)))
     return None if kind is None else Statement(kind, name, numbers, text or repr(_cut(str(value))))
 
 
@@ -170,9 +183,11 @@ def statements_in(lines: Sequence[str]) -> dict[str, Any]:
     """Return what the lines of a head state of numbers, each by the words before it."""
     found: dict[str, Any] = {}
     for line in lines:
-        match = _LINE.match(line[:500])
+        match, unit = _LINE.match(line[:LONGEST_LINE]), _UNIT_LINE.fullmatch(line[:LONGEST_LINE])
         if match is not None:
             found.setdefault(match[1].strip(), f"{match[2]} {match[3]}".strip())
+        elif unit is not None:
+            found.setdefault(unit[1].strip(), unit[2])
     return found
 
 
@@ -185,6 +200,12 @@ def about_open(statements: Mapping[str, Statements]) -> list[Remark]:
             if one.kind not in passed_over:
                 several.setdefault(one, []).append(label)
     return [_note(one, labels) for one, labels in several.items()]
+
+
+def _in_words(name: str, text: str) -> Statement | None:
+    """Return a text in which a factor or an offset stands among words."""
+    found = _IN_WORDS.search(text[:LONGEST_TEXT])
+    return None if found is None else Statement(StatementKind.WORDS, name, (), repr(_cut(text)))
 
 
 def _note(one: Statement, labels: list[str]) -> Note:
@@ -216,7 +237,7 @@ def about_outside(label: str, count: int, of: int, limits: tuple[float, float]) 
 
 
 def _kind_of(name: str, value: Any, numbers: tuple[float, ...]) -> StatementKind | None:
-    short = _folded(name)
+    short = folded(name)
     words = _words(name)
     if words and words[-1] in ("unit", "units", "einheit", "unitstring") and isinstance(value, str) and value.strip():
         return None if _has(short, _OF_TIME) else StatementKind.UNIT
@@ -247,10 +268,6 @@ def _numbers_of(value: Any) -> tuple[tuple[float, ...], str]:
     if not all(isinstance(one, (int, float)) and not isinstance(one, bool) for one in values):
         return (), ""
     return (tuple(float(one) for one in values), "") if all(abs(one) < 1e300 for one in values) else ((), "")
-
-
-def _folded(name: str) -> str:
-    return "".join(c for c in name.casefold() if c.isalnum())
 
 
 def _words(name: str) -> list[str]:

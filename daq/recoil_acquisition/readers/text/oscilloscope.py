@@ -49,8 +49,9 @@ from recoil_acquisition.remark import Note, NoteCode, Remark
 _SEPARATORS = (",", ";", "\t")
 _REMEDY = "save the waveform again"
 _APPLIED = frozenset(
-    {"vertical scale", "vertical offset", "probe attenuation", "horizontal scale", "horizontal offset", "hoffset"}
-    | {"voffset", "y disp range", "y disp org", "x disp range", "x disp org", "xdisp range", "ydisp range"}
+    {"verticalscale", "verticaloffset", "probeattenuation", "horizontalscale", "horizontaloffset", "hoffset", "voffset"}
+    | {"ydisprange", "ydisporg", "xdisprange", "xdisporg", "horizontalunits", "verticalunits", "xunits", "yunits"}
+    | {"xunit", "yunit", "hunit", "vunit"}
 )
 """Keys of heads that are of the screen and the probe: the numbers below are in the stated unit."""
 _SAME_STEP = 1e-3

@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from recoil_acquisition.readers.containers.time_axis import folded
 from recoil_acquisition.readers.statements import Statements, statements_in
 from recoil_acquisition.readers.text.text_table import TextBlock, find_block
 from recoil_acquisition.readers.text.time_base import TimeSource
@@ -33,7 +34,7 @@ class TableLayout:
     text_columns
         Columns that hold no numbers; they are left out, as is the column of time.
     applied
-        Names in the head, in small letters, of numbers that the rows have already, or that are of the screen alone.
+        Names in the head, folded, of numbers that the rows have already, or that are of the screen alone.
     decimal_comma, missing, comment, thousands
         Format of the rows, as `recoil_acquisition.readers.text.text_table.find_block` takes it.
     """
@@ -61,7 +62,7 @@ class TableLayout:
     def statements(self, head: Mapping[str, Any]) -> Statements:
         """Return what the lines above the rows say of the numbers in them."""
         said = statements_in([*head.get("preamble", ()), head.get("header", "")])
-        return Statements(said, [name for name in said if name.casefold() in self.applied])
+        return Statements(said, [name for name in said if folded(name) in self.applied])
 
     def head(self, lines: Sequence[str]) -> Mapping[str, Any]:
         """Return the lines of a file above the rows, as a recording keeps them."""

@@ -124,7 +124,8 @@ def track_recording(table: TrackTable, declared: Declarations) -> Recording:
         )
     names, repeats = unique_names([table.columns[i].name for i in at])
     head = table.metadata.get("header", ())
-    beside = Statements(statements_in([head] if isinstance(head, str) else list(head)))
+    lines = [head] if isinstance(head, str) else list(head)
+    beside = Statements({**statements_in(lines), **table.metadata.get("attributes", {})})
     channels = [
         StoredChannel(
             SignalHeader(name, table.columns[i].unit, len(table.values), metadata={"kind": table.columns[i].kind}),
