@@ -132,7 +132,7 @@ def small_tdms(**said: Any) -> bytes:
     wave = {"wf_increment": 5e-5, "wf_start_offset": 0.0, "wf_start_time": started, "wf_samples": 1}
     acc = wave | {"unit_string": "m/s2"} | said
     first = [("AI", "acc", ramp(12), acc), ("AI", "n", np.arange(12, dtype=np.int16), wave)]
-    return tdms_file(first, [("AI", "acc", ramp(8), {}), ("AI", "n", np.arange(8, dtype=np.int16), {})])
+    return tdms_file(first, [("AI", "acc", ramp(8), {}), ("AI", "n", np.arange(12, 20, dtype=np.int16), {})])
 
 
 def tdms_ends(content: bytes) -> set[int]:

@@ -98,15 +98,17 @@ def _recording(path: Path, contents: Contents, clock: str) -> Recording:
         )
     notes += [unused_time_note(name.lstrip("/")) for name in sorted(contents.time_names - times.used)]
     first, offsets = _starts([start for *_, start in chosen], notes)
-    channels = []
+    channels, rows = [], {}
     for (data, time, source, dated_by, _), offset_s in zip(chosen, offsets, strict=True):
         if offset_s is None:
             left_out[data.label] = "states no start, and the others differ in theirs"
             continue
+        if dated_by:
+            rows[data.label] = data.group
         channels.append(_channel(data, time, source, offset_s, first, dated_by, notes))
     metadata = {"attributes": contents.groups[""], "groups": {n: a for n, a in contents.groups.items() if n and a}}
     notes += left_out_notes(left_out)
-    return container_recording(path, Hdf5Reader.name, channels, metadata, notes, "", first, left_out)
+    return container_recording(path, Hdf5Reader.name, channels, metadata, notes, "", first, left_out, rows=rows)
 
 
 def _starts(

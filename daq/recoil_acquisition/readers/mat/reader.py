@@ -276,6 +276,7 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
     read: dict[str, StoredTime | str] = {}
     channels: list[StoredChannel] = []
     seen: set[str] = set()
+    rows: dict[str, str] = {}
     starts: set[AbsoluteStart | None] = set()
     timeless = 0
     for vector in contents.vectors:
@@ -311,6 +312,8 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
         said = _said_of(vector, contents, names)
         unit = next((name for name in said if folded(name).endswith(_UNITS) and name != "time_unit"), None)
         text = "" if unit is None else str(said[unit]).strip()
+        if isinstance(chosen, tuple):
+            rows[vector.name] = vector.groups[0]
         header = SignalHeader(vector.name, text, time.time_base.count, metadata={"time": source})
         raw = partial(_raw, vector, time.kept, text) if vector.dtype.kind in "iu" else None
         beside = Statements(said, {unit, chosen[0] if isinstance(chosen, tuple) else None}, raw is not None)
@@ -334,7 +337,7 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
     of_units = [Note(NoteCode.UNITS, None, NO_UNITS)] if any(not one.header.unit for one in channels) else []
     notes = [*of_units, *notes, *left_out_notes(left_out)]
     return container_recording(
-        path, MatReader.name, channels, metadata, notes, contents.incomplete, start, left_out, NO_VECTORS
+        path, MatReader.name, channels, metadata, notes, contents.incomplete, start, left_out, NO_VECTORS, rows
     )
 
 

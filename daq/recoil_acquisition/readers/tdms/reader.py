@@ -101,8 +101,9 @@ def _recording(path: Path, tdms: Any, clock: str, incomplete: str) -> Recording:
     levels = {group.name: _plain(group.properties) for group in tdms.groups() if group.properties}
     channels, start = _with_starts(path, chosen, notes, left_out, above, levels)
     metadata = {"properties": above, "groups": levels}
+    rows = {one.label: one.channel.group_name for one in chosen if "wf_increment" in one.channel.properties}
     notes += left_out_notes(left_out)
-    return container_recording(path, TdmsReader.name, channels, metadata, notes, incomplete, start, left_out)
+    return container_recording(path, TdmsReader.name, channels, metadata, notes, incomplete, start, left_out, rows=rows)
 
 
 @dataclass(frozen=True, eq=False)
