@@ -69,6 +69,17 @@ def small_hdf5() -> bytes:
     return hdf5_file(fill, libver="latest")
 
 
+def npy_file(array: NDArray[Any]) -> bytes:
+    """Return the bytes of NumPy's own file of an array."""
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
+def small_npy(count: int = 40) -> bytes:
+    return npy_file(np.column_stack([np.arange(count) / 1000.0, ramp(count)[::-1], 3.0 - ramp(count) ** 2]))
+
+
 def mat_file(variables: dict[str, Any], *, compressed: bool = False) -> bytes:
     """Return the bytes of a version 5 file that scipy writes; each variable a column."""
     from scipy.io import savemat

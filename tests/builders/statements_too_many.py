@@ -204,6 +204,7 @@ _WRITERS: Mapping[str, Callable[[Case], Statements]] = {
     "recoil-parquet": lambda _: _of_export(exported_files.parquet_file),
     "sleap-analysis": lambda case: _attributed(_in_hdf5(case.content, "tracks"), counter=_COUNTED),
     "proanalyst-workbook": lambda _: _attributed(_workbook, counter=DATED),
+    "npy": lambda _: dict.fromkeys(STATEMENTS, "cannot be: an array is numbers alone, and one of them their time"),
     "serial": lambda _: FRAMED,
     **dict.fromkeys(
         ("asc", "blf", "candump", "trc-2.1", "can-csv", "can-sqlite", "mdf-bus-logging", "can-capture"), _of_database

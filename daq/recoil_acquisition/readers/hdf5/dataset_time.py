@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from recoil_acquisition.clocks.timebase import TimeBase
-from recoil_acquisition.readers.containers.stored_time import StoredTime, time_from_vector
+from recoil_acquisition.readers.containers.stored_time import StoredTime, rising_column, time_from_vector
 from recoil_acquisition.readers.containers.time_axis import OFFSETS, Stated, stated_rate, stated_step, unit_in_time_name
 from recoil_acquisition.readers.hdf5 import attributes as attribute
 from recoil_acquisition.readers.hdf5.attributes import find
@@ -34,13 +34,17 @@ class DatasetTimes:
     ----------
     used
         Full names of the datasets of times by which others were dated.
+    columns
+        Full names of the columns by which the others of their matrices were dated.
     """
 
     def __init__(self, contents: Contents, clock: str, notes: list[Remark]) -> None:
         self._clock, self._notes = clock, notes
         self._datasets = [d for d in contents.datasets if d.vector.name in contents.time_names]
         self._read: dict[str, StoredTime | str] = {}
+        self._all, self._columns = contents.datasets, dict[str, Dataset | str]()
         self.used: set[str] = set()
+        self.columns: set[str] = set()
 
     def time_of(self, data: Dataset) -> tuple[StoredTime | str, str, frozenset[str]]:
         """Return the time of a dataset, or why it has none; where the time is from, and by which attributes."""
@@ -50,7 +54,8 @@ class DatasetTimes:
         if data.scale:
             candidates = [d for d in self._datasets if d.vector.name == data.scale]
         else:
-            candidates = [d for d in self._datasets if d.group == data.group]
+            groups = {data.group} if data.vector.column is None else {data.group.rpartition("/")[0]}
+            candidates = [d for d in self._datasets if d.group in groups]
         fitting = [d for d in candidates if d.vector.count == data.vector.count]
         if len(fitting) > 1:
             return f"{len(fitting)} time datasets have its length ({', '.join(d.label for d in fitting)})", "", _NONE
@@ -65,7 +70,21 @@ class DatasetTimes:
             uniform = self._uniform(data, above)
             if uniform is not None:
                 return uniform
+        if data.vector.column is not None:
+            return self._by_column(data)
         return "neither a rate, nor a time dataset of its length", "", _NONE
+
+    def _by_column(self, data: Dataset) -> tuple[StoredTime | str, str, frozenset[str]]:
+        """Date a column of a matrix by the one of it that is a time."""
+        if data.group not in self._columns:
+            own = [d for d in self._all if d.group == data.group]
+            found, reason = rising_column({d.vector.name: d.vector.stored for d in own})
+            self._columns[data.group] = next((d for d in own if d.vector.name == found), None) or reason
+        chosen = self._columns[data.group]
+        if isinstance(chosen, str):
+            return chosen, "", _NONE
+        self.columns.add(chosen.vector.name)
+        return self._stamps(chosen), f"column {chosen.label}", _NONE
 
     def _uniform(
         self, data: Dataset, attributes: Mapping[str, Any]

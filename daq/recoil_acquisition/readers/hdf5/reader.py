@@ -100,6 +100,8 @@ def _recording(path: Path, contents: Contents, clock: str) -> Recording:
     first, offsets = _starts([start for *_, start in chosen], notes)
     channels, rows = [], {}
     for (data, time, source, dated_by, _), offset_s in zip(chosen, offsets, strict=True):
+        if data.vector.name in times.columns:
+            continue
         if offset_s is None:
             left_out[data.label] = "states no start, and the others differ in theirs"
             continue

@@ -36,6 +36,7 @@ from recoil_acquisition.readers.containers.stored_channels import (
 from recoil_acquisition.readers.containers.stored_time import (
     StoredTime,
     resolution_of,
+    rising_column,
     selected,
     time_from_datenum,
     time_from_stamps,
@@ -159,23 +160,6 @@ def time_of(channel: MatVariable, times: Sequence[MatVariable]) -> MatVariable |
     return chosen[0] if chosen else None
 
 
-def time_column(columns: Sequence[MatVariable]) -> MatVariable | str:
-    """Find the column of a matrix that is its time, or why none is.
-
-    It is the one that rises, of several the one that rises evenly. Whole numbers that rise by one count samples.
-    """
-    rising: list[tuple[MatVariable, float]] = []
-    for column in columns:
-        steps = np.diff(column.read(0, column.count).astype(np.float64))
-        if np.all(steps > 0) and np.isfinite(steps).all() and not np.all(steps == 1.0):
-            rising.append((column, float(np.ptp(steps) / np.mean(steps))))
-    found = rising if len(rising) < 2 else [(column, spread) for column, spread in rising if spread <= SAME_STEP]
-    if len(found) == 1:
-        return found[0][0]
-    names = " and ".join(column.own_name for column, _ in rising)
-    return f"{names} could both be its time" if rising else "none of its columns is a time, which rises"
-
-
 def _rank(channel: str, time: str) -> int:
     """Return how much a time's name speaks for a channel: its own, that of its block, any."""
     if time in (f"{channel}_time", f"{channel}_t", f"{channel}_time_s"):
@@ -291,7 +275,9 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
         if chosen is None and vector.is_column:
             matrix = vector.groups[0]
             if matrix not in columns:
-                columns[matrix] = time_column([v for v in contents.vectors if v.is_column and v.groups[0] == matrix])
+                own = {v.own_name: v for v in contents.vectors if v.is_column and v.groups[0] == matrix}
+                found, reason = rising_column({name: partial(v.read, 0, v.count) for name, v in own.items()})
+                columns[matrix] = reason if found is None else own[found]
             chosen = columns[matrix]
         if chosen is vector:
             continue
