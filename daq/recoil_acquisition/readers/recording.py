@@ -29,7 +29,7 @@ from recoil_acquisition.errors import (
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.overload import about_overload, find_marks, may_have_marks
 from recoil_acquisition.readers.statements import NOTHING, Statements, about_open, about_outside, outside
-from recoil_acquisition.remark import Note, NoteCode, Remark
+from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 from recoil_acquisition.shortage import REMEDY, is_shortage
 from recoil_acquisition.track import Track
 
@@ -208,6 +208,10 @@ class Recording(Listed):
         """Yield the notes on what stands beside the samples, and on what they themselves showed when they were read."""
         for name, why in self._refused.items():
             yield Note(NoteCode.LEFT_OUT, name, f"{name}: {why}: left out")
+        start = self.absolute_start
+        if start is not None and start.is_doubtful:
+            text = f"{self.path.name}: its start, {start.text} ({start.origin}), is none that an instrument can have"
+            yield Caution(CautionCode.DOUBTFUL_START, self.path.name, f"{text}: it dates nothing; set the clock")
         yield from about_open({name: one.beside for name, one in self._channels.items()})
         for name, (count, of) in self._marked.items():
             yield about_overload(name, count, of)
