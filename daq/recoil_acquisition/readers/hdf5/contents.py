@@ -13,6 +13,9 @@ from recoil_acquisition.readers.hdf5.attributes import is_time_name, plain_attri
 from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, Room, column_vectors, record_vectors, vector_of
 from recoil_acquisition.readers.hdf5.walk import Hdf5ExcessError, objects_of
 
+_STARTING_TIME = "starting_time"
+"""Dataset of one number that in NWB states the first instant, s, and by its attribute `rate` the rate, Hz."""
+
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
@@ -74,7 +77,7 @@ def contents_of(path: Path, file: Any) -> Contents:
     CorruptFileError
         If its datasets take more bytes than it has.
     """
-    groups: dict[str, Mapping[str, Any]] = {}
+    groups: dict[str, dict[str, Any]] = {}
     names: list[str] = []
     try:
         for name, item in objects_of(file):
@@ -92,6 +95,11 @@ def contents_of(path: Path, file: Any) -> Contents:
         item = file[name]
         if item.dtype.names and item.shape is not None:
             datasets += _fields(path, name, item, groups, room, left_out)
+            continue
+        if item.shape == () and name.rpartition("/")[2] == _STARTING_TIME and "rate" in item.attrs:
+            above = "/" + name.rpartition("/")[0] if "/" in name else ""
+            rate = plain_attributes(item, ("rate",))
+            groups[above].update(rate, time_offset=float(item[()]))
             continue
         if columns := column_vectors(path, item, size):
             datasets += _columns(columns, item, groups, room)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
-from recoil_acquisition.clocks.timebase import TimeBase
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.readers.containers.stored_time import StoredTime, rising_column, time_from_vector
 from recoil_acquisition.readers.containers.time_axis import OFFSETS, Stated, stated_rate, stated_step, unit_in_time_name
 from recoil_acquisition.readers.hdf5 import attributes as attribute
@@ -15,6 +17,8 @@ from recoil_acquisition.readers.statements import Statements
 from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
+UNIT_OF_TIMES = "unit of the times"
+"""Origin of a start that stands in a unit, as in CF."""
 _NONE: frozenset[str] = frozenset()
 SAME_STEP = 0.01
 """Share by which the step of a vector of times may differ from the one that is stated beside it."""
@@ -129,7 +133,8 @@ class DatasetTimes:
 
     def _read_stamps(self, time: Dataset) -> StoredTime | str:
         unit = find(time.own, attribute.UNIT)
-        stated = [str(unit.value).strip() if unit else "", unit_in_time_name(time.vector.name.rpartition("/")[2]) or ""]
+        written, start = _since(str(unit.value).strip() if unit else "")
+        stated = [written, unit_in_time_name(time.vector.name.rpartition("/")[2]) or ""]
         units = [text for text in stated if text]
         factors = {time_unit_s(text) for text in units}
         if None in factors:
@@ -145,4 +150,21 @@ class DatasetTimes:
             return f"{time.label} has the attribute {doubtful}, whose meaning is open"
         if scaling.zero and scaling.gain:
             stored = stored + scaling.zero / scaling.gain
-        return time_from_vector(self._clock, stored, scaling.gain * factor, time.label, self._notes)
+        found = time_from_vector(self._clock, stored, scaling.gain * factor, time.label, self._notes)
+        if isinstance(found, str) or start is None:
+            return found
+        return replace(found, time_base=found.time_base.shifted(0.0, start))
+
+
+def _since(unit: str) -> tuple[str, AbsoluteStart | None]:
+    """Return the unit of ``milliseconds since 2026-08-03 12:23:05``, as CF has it, and the instant of its zero."""
+    spelled, word, since = unit.partition(" since ")
+    if not word:
+        return unit, None
+    try:
+        start = dt.datetime.fromisoformat(since.strip())
+    except ValueError:
+        return unit, None
+    offset = start.utcoffset()
+    zone = "unknown" if offset is None else "UTC" if not offset else start.isoformat()[-6:]
+    return spelled.strip(), AbsoluteStart(start.replace(tzinfo=None).isoformat(), zone, UNIT_OF_TIMES)

@@ -34,7 +34,7 @@ from recoil_acquisition.readers.containers.stored_time import StoredTime, select
 from recoil_acquisition.readers.hdf5 import attributes as attribute
 from recoil_acquisition.readers.hdf5.attributes import find, find_start, plain_attributes
 from recoil_acquisition.readers.hdf5.contents import Contents, Dataset, contents_of
-from recoil_acquisition.readers.hdf5.dataset_time import DatasetTimes
+from recoil_acquisition.readers.hdf5.dataset_time import UNIT_OF_TIMES, DatasetTimes
 from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, hdf5_file
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
@@ -88,6 +88,9 @@ def _recording(path: Path, contents: Contents, clock: str) -> Recording:
             left_out[data.label] = time
             continue
         start = next((s for a in (data.own, *data.above) if (s := find_start(a)) is not None), None)
+        since = time.time_base.absolute_start
+        if start is None and since is not None and since.moment is not None:
+            start = since.origin, since.moment
         chosen.append((data, time, source, dated_by, start))
     if timeless and not chosen:
         raise ReadError(
@@ -132,7 +135,7 @@ def _starts(
     offset = earliest.utcoffset()
     zone = "unknown" if offset is None else ("UTC" if not offset else earliest.isoformat()[-6:])
     text = earliest.replace(tzinfo=None).isoformat()
-    return AbsoluteStart(text, zone, f"attribute {name}"), offsets
+    return AbsoluteStart(text, zone, name if name == UNIT_OF_TIMES else f"attribute {name}"), offsets
 
 
 def _channel(

@@ -233,12 +233,11 @@ def test_a_breech_gauge_whose_zero_moved_takes_no_momentum_from_the_brake(size_p
 def test_a_unit_of_a_file_that_is_none_warns_that_the_rigs_counts():
     virtual = virtual_shot()
     spec = next(one for one in virtual.rig.channels if one.source == "dewetron")
-    rig = replace(virtual.rig, channels=tuple(replace(c, unit="MPa") if c is spec else c for c in virtual.rig.channels))
-    numbers = {spec.signal: np.ones(3)}
+    own = spec.model_copy(update={"unit": "MPa"})
+    rig = replace(virtual.rig, channels=tuple(own if c is spec else c for c in virtual.rig.channels))
     for stated, warns in (("furlong", True), ("MPa", False), ("", False)):
-        recorder = ArrayRecording(numbers, {spec.signal: stated}, path=Path("0001.csv"))
-        found = [
-            c for c in checks(virtual.shot, rig, dewetron=recorder) if (c.channel, c.check) == (spec.name, "reader")
-        ]
+        recorder = ArrayRecording({spec.signal: np.ones(3)}, {spec.signal: stated}, path=Path("0001.csv"))
+        of_shot = checks(virtual.shot, rig, dewetron=recorder)
+        found = [c for c in of_shot if (c.channel, c.check) == (spec.name, "reader")]
         assert [c.verdict for c in found] == ["warn"] * warns
         assert all("'furlong', which is no known unit: the rig's 'MPa' counts" in c.detail for c in found)
