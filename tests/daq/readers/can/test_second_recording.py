@@ -224,7 +224,7 @@ def test_a_frame_that_was_requested_and_sent_counts_once_and_a_name_is_no_damage
     ]
     log = read_asc("".join(twice).encode())
     assert log.frames.key.tolist() == plain.frames.key.tolist()
-    assert log.metadata["other_kinds"] == {"TxRq": plain.frames.key.size}
+    assert log.metadata["other_kinds"]["TxRq"] == plain.frames.key.size
     named = read_asc("".join(asc_lines()).replace(" 100 ", " Engine_1 ").encode())
     assert named.metadata["damaged_entries"] == 0
     assert [note.code for note in named.notes] == [CautionCode.UNKNOWN_ENTRIES]
