@@ -104,8 +104,8 @@ def read_asc(text: bytes, encoding: str = "utf-8") -> CanLog:
         elif part is not first and (about := _dated_apart(first, part)):
             notes.append(about)
     if named := found.other_kinds[_NAMED]:
-        text = f"{named} entries have a name for their identifier and were left out: save the log with numbers"
-        notes.append(Caution(CautionCode.UNKNOWN_ENTRIES, None, text))
+        why = f"{named} entries have a name for their identifier and were left out: save the log with numbers"
+        notes.append(Caution(CautionCode.UNKNOWN_ENTRIES, None, why))
     if any(part.relative for part in parts):
         notes.append(Note(NoteCode.TIME, None, "stamps are relative to the event before: they were summed up"))
     start, fault = _asc_start(first.header)

@@ -102,7 +102,8 @@ def _over_gaps(
         if one.header.name in rows and isinstance(base, TimeBase) and base.step_s is not None:
             groups.setdefault((rows[one.header.name], base.count, base.start_s, base.step_s), []).append(one)
     several = [own for own in groups.values() if len(own) > 1 and any(not one.header.unit for one in own)]
-    found, dated = [], {}
+    found: list[_Rows] = []
+    dated: dict[str, StoredChannel] = {}
     for own in several:
         base = own[0].time_base
         if isinstance(base, TimeBase):
