@@ -205,7 +205,7 @@ class Broken(NamedTuple):
     reader: SoundReader
     magnitudes: dict[str, tuple[float, float]] = {"a": (1.0, 49.0), "b": (0.0, 192.0)}  # noqa: RUF012
     limit_s: float = 20.0
-    too_many: dict[str, Any] = {}
+    too_many: dict[str, Any] = {}  # noqa: RUF012
 
 
 BROKEN = (
