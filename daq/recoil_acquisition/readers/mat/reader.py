@@ -302,7 +302,8 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
             rows[vector.name] = vector.groups[0]
         header = SignalHeader(vector.name, text, time.time_base.count, metadata={"time": source})
         raw = partial(_raw, vector, time.kept, text) if vector.dtype.kind in "iu" else None
-        beside = Statements(said, {unit, chosen[0] if isinstance(chosen, tuple) else None}, raw is not None)
+        used = [*([] if unit is None else [unit]), *([chosen[0]] if isinstance(chosen, tuple) else [])]
+        beside = Statements(said, used, raw is not None)
         channels.append(StoredChannel(header, time.time_base, partial(_samples, vector, time.kept), raw, beside=beside))
     notes += [unused_time_note(t.name) for t in times if t.name not in read]
     if timeless and not channels:
