@@ -296,7 +296,10 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
             continue
         starts.add(time.time_base.absolute_start)
         said = _said_of(vector, contents, names)
-        unit = next((name for name in said if folded(name).endswith(_UNITS) and name != "time_unit"), None)
+        own_units = {folded(vector.own_name + ending) for ending in _UNITS}
+        unit = next(
+            (name for name, value in said.items() if folded(name) in own_units and isinstance(value, str)), None
+        )
         text = "" if unit is None else str(said[unit]).strip()
         if isinstance(chosen, tuple):
             rows[vector.name] = vector.groups[0]
