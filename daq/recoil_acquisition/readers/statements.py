@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.readers.containers.time_axis import folded, of_instants
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 MOST_SHOWN = 6
@@ -40,6 +39,8 @@ _SCALES = (
 _SHIFTS = ("offset", "intercept", "bias", "zeropoint", "zerolevel", "nullpunkt")
 _RANGES = ("range", "fullscale", "limit", "minimum", "maximum", "bereich")
 _LOST = ("fillvalue", "missing", "nodata", "invalid", "undefined", "sentinel", "notavailable", "errorvalue")
+_INSTANTS = frozenset({"startoffset", "wfstartoffset", "timeoffset", "t0", "x0"})
+"""Names of offsets of instants, which a unit may stand behind."""
 _OF_TIME = (
     "start", "time", "trigger", "utc", "zone", "sync", "wfx", "bit", "byte", "xunit", "bandwidth", "frequency", "rate",
     "duration", "filter",
@@ -243,7 +244,7 @@ def _kind_of(name: str, value: Any, numbers: tuple[float, ...]) -> StatementKind
         return None if _has(short, _OF_TIME) else StatementKind.UNIT
     if not numbers or short.endswith(_OF_PEOPLE):
         return None
-    if of_instants(name):
+    if short in _INSTANTS or short.rstrip("muns") in _INSTANTS:
         return StatementKind.INSTANT
     if "fullscale" not in short and _has(short, _SCALES):
         return StatementKind.SCALE
@@ -268,6 +269,11 @@ def _numbers_of(value: Any) -> tuple[tuple[float, ...], str]:
     if not all(isinstance(one, (int, float)) and not isinstance(one, bool) for one in values):
         return (), ""
     return (tuple(float(one) for one in values), "") if all(abs(one) < 1e300 for one in values) else ((), "")
+
+
+def folded(name: str) -> str:
+    """Return a name in small letters, letters and digits alone."""
+    return "".join(c for c in name.casefold() if c.isalnum())
 
 
 def _words(name: str) -> list[str]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
+from recoil_acquisition.readers.statements import folded
 from recoil_acquisition.readers.text.cells import split_unit
 from recoil_acquisition.readers.time.time_units import rate_unit_hz, time_unit_s
 
@@ -75,11 +76,6 @@ class Stated:
     value: float
 
 
-def folded(name: str) -> str:
-    """Return a name in small letters, letters and digits alone."""
-    return "".join(c for c in name.casefold() if c.isalnum())
-
-
 def unit_in_time_name(name: str) -> str | None:
     """Return the unit that stands behind the name of a vector of times, empty if none does; None if it is no time."""
     plain, unit = split_unit(name)
@@ -102,11 +98,6 @@ def stated_rate(properties: Mapping[str, Any]) -> Stated | str | None:
 def stated_step(properties: Mapping[str, Any], names: frozenset[str] = STEPS) -> Stated | str | None:
     """Return the step in time, or with `OFFSETS` the offset, s; why it cannot be taken; None if none is stated."""
     return _stated(properties, names, time_unit_s, "time", _X_UNITS)
-
-
-def of_instants(name: str) -> bool:
-    """Return whether a name is that of an offset in time."""
-    return _unit_behind(name, OFFSETS, time_unit_s) is not None
 
 
 def _stated(

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.readers.containers.time_axis import folded, unit_in_time_name
+from recoil_acquisition.readers.containers.time_axis import unit_in_time_name
 from recoil_acquisition.readers.hdf5.walk import LARGEST_ATTRIBUTE
+from recoil_acquisition.readers.statements import folded
 
 UNIT = frozenset({"unit", "units", "unitstring", "yunit", "physicalunit", "engineeringunit"})
 START = frozenset(

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.containers.time_axis import folded
 from recoil_acquisition.readers.hdf5.attributes import is_time_name, plain_attributes
 from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, Room, column_vectors, record_vectors, vector_of
 from recoil_acquisition.readers.hdf5.walk import Hdf5ExcessError, objects_of
+from recoil_acquisition.readers.statements import folded
 
 _STARTING_TIME = "starting_time"
 """Dataset of one number that in NWB states the first instant, s, and by its attribute `rate` the rate, Hz."""

@@ -41,14 +41,7 @@ from recoil_acquisition.readers.containers.stored_time import (
     time_from_datenum,
     time_from_stamps,
 )
-from recoil_acquisition.readers.containers.time_axis import (
-    STEPS,
-    Stated,
-    folded,
-    stated_rate,
-    stated_step,
-    unit_in_time_name,
-)
+from recoil_acquisition.readers.containers.time_axis import STEPS, Stated, stated_rate, stated_step, unit_in_time_name
 from recoil_acquisition.readers.hdf5.vector import Room, hdf5_file, vector_of
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.mat.v4 import is_mat_v4, read_mat_v4
@@ -63,7 +56,7 @@ from recoil_acquisition.readers.mat.variable import (
 )
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
-from recoil_acquisition.readers.statements import Statements
+from recoil_acquisition.readers.statements import Statements, folded
 from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.remark import Note, NoteCode, Remark
 

@@ -6,8 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from recoil_acquisition.readers.containers.time_axis import folded
-from recoil_acquisition.readers.statements import Statements, statements_in
+from recoil_acquisition.readers.statements import Statements, folded, statements_in
 from recoil_acquisition.readers.text.text_table import TextBlock, find_block
 from recoil_acquisition.readers.text.time_base import TimeSource
 from recoil_acquisition.readers.text_file import LongText
