@@ -113,7 +113,7 @@ class DatasetTimes:
         except ValueError as error:
             return str(error), "", _NONE
         source = f"attribute {first.name}" + (f" and {offset.name}" if offset else "")
-        used = frozenset(one.name for one in (rate, step, offset) if one is not None)
+        used = frozenset(one.name for one in (rate, step, offset) if isinstance(one, Stated))
         return StoredTime(base, None, ""), source, used
 
     def _contradiction(self, data: Dataset, time: StoredTime, label: str) -> str:
