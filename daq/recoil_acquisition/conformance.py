@@ -80,8 +80,8 @@ class Case:
     cut_is_invisible
         Whether the beginning of the file, up to a byte, is a whole file by its format.
     too_many
-        Of `STATEMENTS`, the file with one more of them, as the format would carry it; a case where what is declared
-        carries it; a sentence that begins with ``cannot`` where the format cannot carry any.
+        Files with one more of `STATEMENTS` each, as the format would carry it; a case where what is declared carries
+        it; a sentence that begins with ``cannot`` where the format cannot carry any.
     """
 
     name: str

@@ -63,7 +63,7 @@ _IN_WORDS = re.compile(rf"(?i)\b\w{{0,20}}(?:{'|'.join(_SCALES + _SHIFTS)})\w{{0
 
 
 class StatementKind(StrEnum):
-    """What a statement may do to numbers, by its name."""
+    """Effect that a statement may have on numbers, by its name."""
 
     SCALE = "scale"
     SHIFT = "shift"
