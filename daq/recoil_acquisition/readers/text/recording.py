@@ -92,7 +92,7 @@ def column_recording(
     stamps
         Stamps of the column of time; None if it holds none.
     beside
-        What the file says of the numbers of each column.
+        Statements of the file on the numbers of each column.
     """
     block = columns.block
     written = block.format
