@@ -16,7 +16,7 @@ import json
 import random
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,10 @@ FLIPS: tuple[Flips, ...] = tuple(
 """Damage that `flipped_bytes_are_refused_or_read` does if it is given none."""
 
 _EVERYWHERE_BYTES, _PLACES = 25, 70
+
+STATEMENTS = ("scale", "offset", "unit", "range", "lost", "counter")
+"""Statements of which a file may hold one too many: a factor, an offset, another unit, a range that samples leave, a
+code for lost samples, and a column that counts the rows and shows that some are missing."""
 
 
 class BrokenRuleError(AssertionError):
@@ -75,6 +79,9 @@ class Case:
         Least and largest physically plausible sample, signed, by the names of signals; a signal may be left out.
     cut_is_invisible
         Whether the beginning of the file, up to a byte, is a whole file by its format.
+    too_many
+        Files with one more of `STATEMENTS` each, as the format would carry it; a case where what is declared carries
+        it; a sentence that begins with ``cannot`` where the format cannot carry any.
     """
 
     name: str
@@ -84,6 +91,7 @@ class Case:
     magnitudes: Mapping[str, tuple[float, float]]
     cut_is_invisible: Callable[[bytes], bool] = lambda _: False
     limit_s: float = LIMIT_S
+    too_many: Mapping[str, bytes | Case | str] = field(default_factory=dict)
 
     def path(self, folder: Path) -> Path:
         """Return where `open` writes the file."""
@@ -247,6 +255,31 @@ def a_cut_file_is_refused_or_shorter_with_a_note(case: Case, folder: Path) -> No
         _require(noted, "fewer samples are noted", f"cut at byte {at}")
 
 
+def a_statement_too_many_is_used_noted_or_refused(case: Case, folder: Path) -> None:
+    """Let no statement beside the samples go by in silence: take its value, say that it is not applied, or refuse."""
+    recording = case.open(folder)
+    plain, notes = _taken(recording), {str(note) for note in recording.notes}
+    for what, spoilt in case.too_many.items():
+        _require(what in STATEMENTS, "the statement is one that is known", what)
+        if isinstance(spoilt, str):
+            _require(spoilt.startswith("cannot "), "it is said why the format cannot carry it", spoilt)
+            continue
+        with_one = spoilt if isinstance(spoilt, Case) else replace(case, content=spoilt)
+        _require(with_one != case, "there is a statement", what)
+        try:
+            more = with_one.open(folder)
+            taken = _taken(more)
+        except ReadError:
+            continue
+        shared = [(own, taken[name]) for name, own in plain.items() if name in taken]
+        is_used = any(not _is_same(own, other) for own, other in shared)
+        said = {str(note) for note in more.notes} - notes
+        if what == "counter":
+            steps = [np.diff(times_s) for *_, times_s in taken.values()]
+            is_used, said = any(np.ptp(own) > 0.5 * np.median(own) for own in steps if own.size), set()
+        _require(is_used or said, "no statement goes by in silence", what)
+
+
 def flipped_bytes_are_refused_or_read(case: Case, folder: Path, flips: Sequence[Flips] = FLIPS) -> None:
     """Refuse a file with damaged bytes, or read it; nothing else.
 
@@ -274,6 +307,7 @@ RULES: tuple[Callable[[Case, Path], None], ...] = (
     magnitudes_are_plausible,
     raw_counts_give_the_samples,
     a_missing_file_is_a_read_error,
+    a_statement_too_many_is_used_noted_or_refused,
     a_cut_file_is_refused_or_shorter_with_a_note,
     flipped_bytes_are_refused_or_read,
 )
@@ -290,6 +324,19 @@ class Left:
 
 def _samples(recording: Recording) -> dict[str, NDArray[Any]]:
     return {header.name: recording.read(header.name) for header in recording.signals}
+
+
+def _taken(recording: Recording) -> dict[str, tuple[str, NDArray[Any], NDArray[Any]]]:
+    """Return unit, samples and instants of each signal."""
+    return {
+        one.name: (one.unit, recording.read(one.name), recording.time_base(one.name).times_s)
+        for one in recording.signals
+    }
+
+
+def _is_same(one: tuple[str, NDArray[Any], NDArray[Any]], other: tuple[str, NDArray[Any], NDArray[Any]]) -> bool:
+    arrays = zip(one[1:], other[1:], strict=True)
+    return one[0] == other[0] and all(np.array_equal(a, b, equal_nan=True) for a, b in arrays)
 
 
 def _parts(count: int) -> Iterator[tuple[int, int | None]]:

@@ -180,6 +180,8 @@ class CautionCode(StrEnum):
     """Signals are dated apart by their file, which does not say by how much."""
     OTHER_COUNT = "other count"
     """A counter counts otherwise than the rig declares: gaps are not what they seem."""
+    DOUBTFUL_START = "doubtful start"
+    """A file states a start that no instrument can have: it dates nothing."""
 
 
 class Remark(Worded):

@@ -210,7 +210,8 @@ class _AgainstFiles:
             self._faults.append(_fault_of_file(path, error))
             return
         self._recordings[source.name] = recording
-        self._starts[source.name] = "" if recording.absolute_start is None else recording.absolute_start.text
+        start = recording.absolute_start
+        self._starts[source.name] = "" if start is None or start.is_doubtful else start.text
         if recording.incomplete:
             self._faults.append(_of_file(path, f"the file was cut off: {recording.incomplete}; copy it again"))
         self.warnings += [_of_file(path, str(note)) for note in recording.notes if isinstance(note, Caution)]

@@ -415,13 +415,13 @@ def _started(acquisition: Acquisition | None, recordings: Sequence[Recording]) -
     """Return when the shot was, ISO 8601, and where that comes from; both empty if nothing does.
 
     A live shot was when the host saw its trigger. Any other was when the time of its files began, the first file that
-    says so; a date without a zone stays without one.
+    says so, and that an instrument can have; a date without a zone stays without one.
     """
     if acquisition is not None:
         return acquisition.trigger_utc, AT_TRIGGER
     for recording in recordings:
         start = recording.absolute_start
-        if start is None:
+        if start is None or start.is_doubtful:
             continue
         source = f"{recording.path.name}, {start.origin}"
         moment = start.moment

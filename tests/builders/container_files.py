@@ -40,9 +40,9 @@ def broadcast(date: bytes = b"2026-08-03", time: bytes = b"12:23:05", reference:
     return riff_chunk(b"bext", text + date + time + struct.pack("<Q", reference) + b"\0" * 256)
 
 
-def small_wave() -> bytes:
+def small_wave(*before: bytes) -> bytes:
     samples = np.arange(-20, 20, dtype="<i2").reshape(20, 2) * 100
-    return wave_file(wave_format(1, 2, 48000, 16), samples.tobytes())
+    return wave_file(wave_format(1, 2, 48000, 16), samples.tobytes(), *before)
 
 
 def hdf5_file(fill: Any, **options: Any) -> bytes:
@@ -67,6 +67,17 @@ def small_hdf5() -> bytes:
         slow.create_dataset("temperature", data=np.array([20.0, 21.0, 22.0, 21.5]))
 
     return hdf5_file(fill, libver="latest")
+
+
+def npy_file(array: NDArray[Any]) -> bytes:
+    """Return the bytes of NumPy's own file of an array."""
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
+def small_npy(count: int = 40) -> bytes:
+    return npy_file(np.column_stack([np.arange(count) / 1000.0, ramp(count)[::-1], 3.0 - ramp(count) ** 2]))
 
 
 def mat_file(variables: dict[str, Any], *, compressed: bool = False) -> bytes:
@@ -127,11 +138,12 @@ def tdms_file(
     return buffer.getvalue()
 
 
-def small_tdms() -> bytes:
+def small_tdms(**said: Any) -> bytes:
     started = np.datetime64("2026-08-03T12:23:05.123456", "us")
     wave = {"wf_increment": 5e-5, "wf_start_offset": 0.0, "wf_start_time": started, "wf_samples": 1}
-    first = [("AI", "acc", ramp(12), wave | {"unit_string": "m/s2"}), ("AI", "n", np.arange(12, dtype=np.int16), wave)]
-    return tdms_file(first, [("AI", "acc", ramp(8), {}), ("AI", "n", np.arange(8, dtype=np.int16), {})])
+    acc = wave | {"unit_string": "m/s2"} | said
+    first = [("AI", "acc", ramp(12), acc), ("AI", "n", np.arange(12, dtype=np.int16), wave)]
+    return tdms_file(first, [("AI", "acc", ramp(8), {}), ("AI", "n", np.arange(12, 20, dtype=np.int16), {})])
 
 
 def tdms_ends(content: bytes) -> set[int]:
@@ -190,10 +202,10 @@ def mdf_file(*groups: list[Any], started: Any = None, compression: int = 0, vers
         return Path(saved).read_bytes()
 
 
-def small_mdf() -> bytes:
+def small_mdf(remark: str = "") -> bytes:
     from asammdf import Signal
 
     times = np.arange(12) / 1000.0
     acc = Signal(np.arange(12, dtype=np.int16), times, name="acc", unit="m/s2", conversion={"a": 0.5, "b": 1.0})
-    p = Signal(ramp(12), times, name="p", unit="MPa", invalidation_bits=np.arange(12) == 3)
+    p = Signal(ramp(12), times, name="p", unit="MPa", invalidation_bits=np.arange(12) == 3, comment=remark)
     return mdf_file([acc, p])

@@ -47,12 +47,9 @@ def archive(name: str, content: bytes = b"x") -> bytes:
     return buffer.getvalue()
 
 
-def _array(as_archive: bool) -> bytes:
+def _arrays() -> bytes:
     buffer = io.BytesIO()
-    if as_archive:
-        np.savez(buffer, acc=np.arange(4.0))
-    else:
-        np.save(buffer, np.arange(4.0))
+    np.savez(buffer, acc=np.arange(4.0))
     return buffer.getvalue()
 
 
@@ -147,7 +144,7 @@ FOREIGN_FILES: dict[str, tuple[bytes, ...]] = {
     ),
     "a RIFX file of a big-endian program's sound samples": (b"RIFX\0\0\0\x24WAVEfmt " + bytes(28),),
     "an Arrow or Feather table": (b"ARROW1\0\0" + bytes(40), b"FEA1" + bytes(40)),
-    "a NumPy array": (_array(False), _array(True)),
+    "an archive of NumPy arrays": (_arrays(),),
     "an SQLite database": (b"SQLite format 3\0\x10\x00" + bytes(82),),
     "an OpenDocument file": (archive("mimetype", b"application/vnd.oasis.opendocument.spreadsheet"),),
     "an OLE document such as a workbook of Excel before 2007": (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(500),),

@@ -124,12 +124,12 @@ def one_channel(
     return made.closed(made.data_group(group, made.records(b"".join(rows))))
 
 
-def small_old_mdf(order: str = "<", mark: bytes = b"MDF     ", stated: int = 12) -> bytes:
+def small_old_mdf(order: str = "<", mark: bytes = b"MDF     ", stated: int = 12, remark: str = "carriage") -> bytes:
     """A file of a channel of counts and one of floats, whose records stand at its end."""
     file = OldFile(order=order, mark=mark)
     time = file.channel("time", TIME, 0, 64, DOUBLE, conversion=file.conversion(NO_CONVERSION, unit=b"s"))
     scale = file.conversion(LINEAR, 1.0, 0.5, unit=b"m/s2")
-    acc = file.channel("acc", DATA, 64, 16, SIGNED, time, conversion=scale, comment=file.text("carriage"))
+    acc = file.channel("acc", DATA, 64, 16, SIGNED, time, conversion=scale, comment=file.text(remark))
     p = file.channel("p", DATA, 80, 32, FLOAT, acc, long_name=file.text("p of the recoil brake, before the valve"))
     group = file.group(p, 14, stated, comment=file.text("fast"))
     at = file.data_group(group, 0)

@@ -31,6 +31,7 @@ def at_dataset_end(cut: bytes) -> bool:
 
 CASES = (
     Case("wav", BY_NAME["WAV"], build.small_wave(), RECORDER, {"channel 1": (-1.0, 1.0), "channel 2": (-1.0, 1.0)}),
+    Case("npy", BY_NAME["NumPy array"], build.small_npy(), RECORDER, {"column_2": (-2.0, 18.0)}),
     Case("hdf5", BY_NAME["HDF5"], build.small_hdf5(), RECORDER, HDF5),
     # A file may end behind any variable
     Case("mat", BY_NAME["MATLAB"], MAT, RECORDER, DEWESOFT, lambda cut: len(cut) in build.element_ends(MAT)),

@@ -35,7 +35,8 @@ VALUES: dict[type[StrEnum], str] = {
         "excerpt"
     ),
     CautionCode: (
-        "loss, log fault, damaged entries, unknown entries, not increasing, late stamps, other starts, other count"
+        "loss, log fault, damaged entries, unknown entries, not increasing, late stamps, other starts, other count, "
+        "doubtful start"
     ),
     Check: (
         "file, file names, reader, missing frames, stream, late stamps, delivery, connection, kernel drops, damaged "

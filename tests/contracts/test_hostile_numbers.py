@@ -27,6 +27,8 @@ HOSTILE = (
 """What may stand where a number is due."""
 NUMBER = re.compile(rb"[+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?")
 HEAD_BYTES = 1500
+MOST_NUMBERS, LONGEST_OF_ONE_S, MOST_KB = 40, 5.0, 500_000
+"""Numbers of a head that are replaced, and the processor time and memory that the file may take."""
 SEPARATORS, LONGEST_S = 50_000, 2.0
 """Signs of each kind behind a line of a head, and the processor time that the file may take."""
 STRIDE = 7
@@ -55,13 +57,28 @@ def read_whole(case: Case, folder: Path, content: bytes) -> str:
 @pytest.mark.parametrize("case", TEXTS, ids=lambda case: case.name)
 def test_no_number_of_a_head_ends_in_another_exception(case: Case, tmp_path: Path) -> None:
     places = list(NUMBER.finditer(case.content, 0, HEAD_BYTES))
-    # every second value for each file: a format has several
-    for which, value in list(enumerate(HOSTILE))[TEXTS.index(case) % 2 :: 2]:
-        place = places[which * STRIDE % len(places)]
-        said = read_whole(case, tmp_path, case.content[: place.start()] + value.encode() + case.content[place.end() :])
-        # Universal Files say by exceptions of their own what is wrong with a head
-        assert case.name == "uff" or "Error:" not in said, (value, said)
-        assert "\n" not in said
+    for which, value in enumerate(HOSTILE):
+        refused_in_one_line(case, tmp_path, places[which * STRIDE % len(places)], value)
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("case", TEXTS, ids=lambda case: case.name)
+def test_no_value_at_any_number_of_a_head_takes_long_or_much(case: Case, tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource", reason="Windows tells no largest memory")
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for place in list(NUMBER.finditer(case.content, 0, HEAD_BYTES))[:MOST_NUMBERS]:
+        for value in HOSTILE:
+            begin = time.process_time()
+            refused_in_one_line(case, tmp_path, place, value)
+            assert time.process_time() - begin < LONGEST_OF_ONE_S, (place[0], value)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < MOST_KB
+
+
+def refused_in_one_line(case: Case, folder: Path, place: re.Match[bytes], value: str) -> None:
+    said = read_whole(case, folder, case.content[: place.start()] + value.encode() + case.content[place.end() :])
+    # Universal Files say by exceptions of their own what is wrong with a head
+    assert case.name == "uff" or "Error:" not in said, (place[0], value, said)
+    assert "\n" not in said
 
 
 def instants(folder: Path, content: bytes, declared: Declarations = RECORDER) -> TimeBase:

@@ -15,12 +15,14 @@ from recoil_acquisition import conformance as rules
 from recoil_acquisition.conformance import Case
 from recoil_acquisition.readers.head import HEAD_BYTES, Head
 from recoil_acquisition.readers.table import READERS, TableReader, surest_claim
-from tests.contracts.cases_text import DECLARED_CASES
+from tests.builders.statements_too_many import with_statements
+from tests.contracts import cases_text
 
 FAMILIES: tuple[tuple[Case, ...], ...] = tuple(
     import_module(f"tests.contracts.{module.stem}").CASES for module in sorted(Path(__file__).parent.glob("cases_*.py"))
 )
-CASES: tuple[Case, ...] = tuple(case for family in FAMILIES for case in family)
+CASES: tuple[Case, ...] = tuple(with_statements(case) for family in FAMILIES for case in family)
+DECLARED_CASES = tuple(map(with_statements, cases_text.DECLARED_CASES))
 FIRST = {family[0].name for family in FAMILIES}
 """The case of each family of formats that is damaged at every run; the others are where all tests are run."""
 KEPT = pytest.mark.indispensable("law")
@@ -54,6 +56,14 @@ WITHOUT_CASE: dict[str, str] = {
 def test_every_reader_has_a_case() -> None:
     assert {case.reader.name for case in CASES} | set(WITHOUT_CASE) == {reader.name for reader in READERS}
     assert not {case.reader.name for case in CASES} & set(WITHOUT_CASE)
+
+
+def test_every_reader_is_given_one_of_each_statement_too_many() -> None:
+    given = {case.reader.name for case in (*CASES, *DECLARED_CASES) if set(case.too_many) == set(rules.STATEMENTS)}
+    wanted = {case.reader.name for case in (*CASES, *DECLARED_CASES)}
+    assert given == wanted
+    carried = [one for case in CASES for one in case.too_many.values() if not isinstance(one, str)]
+    assert len(carried) > 4 * len(wanted)
 
 
 @pytest.mark.parametrize(("rule", "case"), over(CASES))

@@ -205,6 +205,7 @@ class Broken(NamedTuple):
     reader: SoundReader
     magnitudes: dict[str, tuple[float, float]] = {"a": (1.0, 49.0), "b": (0.0, 192.0)}  # noqa: RUF012
     limit_s: float = 20.0
+    too_many: dict[str, Any] = {}  # noqa: RUF012
 
 
 BROKEN = (
@@ -274,6 +275,11 @@ BROKEN = (
         raw=of_counts(lambda _, raw, *part: replace(raw, counts=raw.counts + 1) if part else raw))),
     Broken("a missing file is refused", LetsTheSystemsErrorOut()),
     Broken("a missing file is refused", OpensWhatIsNot()),
+    Broken("the statement is one that is known", SoundReader(), too_many={"smell": CONTENT + b"# roses\n"}),
+    Broken("it is said why the format cannot carry it", SoundReader(), too_many={"scale": "perhaps"}),
+    Broken("there is a statement", SoundReader(), too_many={"scale": CONTENT}),
+    Broken("no statement goes by in silence", SoundReader(), too_many={"scale": CONTENT + b"# factor 0.5\n"}),
+    Broken("no statement goes by in silence", SoundReader(), too_many={"counter": CONTENT + b"# row 30 of 40\n"}),
     Broken("a cut file has no other signals", wrong(
         signals=of_what_is_left(lambda _, headers: (*headers, replace(headers[1], name="c"))))),
     Broken("what is left is the beginning", wrong(read=of_b(of_what_is_left(differs)))),
@@ -309,6 +315,7 @@ def case_of(broken: Broken) -> Case:
         broken.magnitudes,
         lambda cut: cut.endswith(b"\n"),
         broken.limit_s,
+        broken.too_many,
     )
 
 

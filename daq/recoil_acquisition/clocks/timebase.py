@@ -15,6 +15,8 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 WALL_CLOCK_NS = 10**18
 """Stamp of September 2001, beyond which a clock counts from 1970, since no other counts 31 years."""
 
+FIRST_YEAR, LAST_YEAR = 1981, 2100
+"""Years of which a start may be."""
 _NEAR_WHOLE, _NEARLY_ALL = 0.25, 0.75
 """Share of a step that a step is near a whole multiple of it, and share of the steps that must be."""
 _SHORT = 2
@@ -60,6 +62,15 @@ class AbsoluteStart:
         except OverflowError:
             return None
         return cls(instant.isoformat(timespec="microseconds"), zone, origin)
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether no instrument can have started then: a clock that was never set, or a field that was never filled.
+
+        Clocks count from 1601, 1904, 1970 or 1980 and fill what they cannot state with the year 9999.
+        """
+        moment = self.moment
+        return moment is not None and not FIRST_YEAR <= moment.year <= LAST_YEAR
 
     @property
     def moment(self) -> dt.datetime | None:

@@ -18,14 +18,24 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
-from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError, RecoilDaqError
+from recoil_acquisition.errors import (
+    CorruptFileError,
+    FileEnd,
+    MissingChannelError,
+    NoSignalError,
+    ReadError,
+    RecoilDaqError,
+)
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.overload import about_overload, find_marks, may_have_marks
-from recoil_acquisition.remark import Note, NoteCode, Remark
+from recoil_acquisition.readers.statements import NOTHING, Statements, about_open, about_outside, outside
+from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 from recoil_acquisition.shortage import REMEDY, is_shortage
 from recoil_acquisition.track import Track
 
 T = TypeVar("T")
+
+_UNSCALED_REMEDY = "export it as numbers in its unit"
 
 
 @dataclass(frozen=True)
@@ -71,6 +81,8 @@ class StoredChannel:
     overloads
         Function that counts the samples that the file marks as an overload in its own way, and which `samples` gives as
         NaN; None if it marks none.
+    beside
+        All that stands beside its samples, used or not: what becomes of the rest is decided where it is recorded.
     """
 
     header: SignalHeader
@@ -78,6 +90,7 @@ class StoredChannel:
     samples: Callable[[int, int], NDArray[np.float64]]
     raw: Callable[[int, int], RawCounts | None] | None = None
     overloads: Callable[[], int] | None = None
+    beside: Statements = NOTHING
 
 
 @contextmanager
@@ -158,9 +171,18 @@ class Recording(Listed):
         aliases: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self.path, self.reader, self.metadata, self.incomplete = path, reader, metadata, incomplete
-        self.signals = tuple(channel.header for channel in channels)
-        self._channels = {channel.header.name: channel for channel in channels}
+        self._refused = {one.header.name: one.beside.refusal for one in channels if one.beside.refusal}
+        kept = [one for one in channels if one.header.name not in self._refused]
+        if channels and not kept:
+            raise NoSignalError(
+                "no signal is known to be a measurement", self._refused, path=path,
+                found="; ".join(f"{name}: {why}" for name, why in list(self._refused.items())[:4]),
+                remedy=_UNSCALED_REMEDY, file_end=FileEnd.MISSING if incomplete else FileEnd.UNCLEAR,
+            )  # fmt: skip
+        self.signals = tuple(channel.header for channel in kept)
+        self._channels = {channel.header.name: channel for channel in kept}
         self._marked: dict[str, tuple[int, int]] = {}
+        self._outside: dict[str, tuple[int, int]] = {}
         self._notes, self._absolute_start, self._tracks = notes, absolute_start, tracks
         self.check_name, self.aliases = check_name, aliases
 
@@ -180,8 +202,23 @@ class Recording(Listed):
         Samples that numbers mark as an overload are counted when they are read, and noted from then on.
         """
         own = self._said(self._notes) if callable(self._notes) else self._notes
-        marked = (about_overload(name, count, of) for name, (count, of) in self._marked.items())
-        return (*(one if isinstance(one, Remark) else Note(NoteCode.READER, None, one) for one in own), *marked)
+        return (*(one if isinstance(one, Remark) else Note(NoteCode.READER, None, one) for one in own), *self._found())
+
+    def _found(self) -> Iterator[Remark]:
+        """Yield the notes on what stands beside the samples, and on what they themselves showed when they were read."""
+        for name, why in self._refused.items():
+            yield Note(NoteCode.LEFT_OUT, name, f"{name}: {why}: left out")
+        start = self.absolute_start
+        if start is not None and start.is_doubtful:
+            text = f"{self.path.name}: its start, {start.text} ({start.origin}), is none that an instrument can have"
+            yield Caution(CautionCode.DOUBTFUL_START, self.path.name, f"{text}: it dates nothing; set the clock")
+        yield from about_open({name: one.beside for name, one in self._channels.items()})
+        for name, (count, of) in self._marked.items():
+            yield about_overload(name, count, of)
+        for name, (count, of) in self._outside.items():
+            limits = self._channels[name].beside.limits
+            if count and limits is not None:
+                yield about_outside(name, count, of, limits)
 
     @property
     def absolute_start(self) -> AbsoluteStart | None:
@@ -208,6 +245,10 @@ class Recording(Listed):
             count = int(np.count_nonzero(marks))
             if count >= self._marked.get(found.header.name, (1, 0))[0]:
                 self._marked[found.header.name] = count, values.size
+        if (limits := found.beside.limits) is not None:
+            count = outside(values, limits)
+            if count >= self._outside.get(found.header.name, (1, 0))[0]:
+                self._outside[found.header.name] = count, values.size
         return values
 
     def overloads(self, name: str) -> int:
@@ -246,6 +287,10 @@ class Recording(Listed):
         """
         return self._find(name).header
 
+    def statements(self, name: str) -> Statements:
+        """Return what stands beside the samples of one signal; raises as `header`."""
+        return self._find(name).beside
+
     def tracks(self) -> tuple[Track, ...]:
         """Return the markers' paths of a camera's file; empty for every other kind."""
         return self._said(self._tracks)
@@ -254,6 +299,11 @@ class Recording(Listed):
         try:
             return self._channels[self.aliases.get(name, name)]
         except KeyError:
+            if name in self._refused:
+                raise ReadError(
+                    f"signal {name!r} cannot be read", path=self.path, found=self._refused[name],
+                    remedy=_UNSCALED_REMEDY, file_end=FileEnd.THERE,
+                ) from None  # fmt: skip
             self.check_name(name)
             raise MissingChannelError(name, tuple(self._channels), path=self.path) from None
 

@@ -6,10 +6,16 @@ and else by several of it, or begin anew as a counter of some bits or digits doe
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from recoil_acquisition.clocks.timebase import TimeBase
+from recoil_acquisition.errors import CorruptFileError
+from recoil_acquisition.remark import Note, NoteCode
 
 FEWEST_ROWS = 16
 """Rows from which on numbers are seen to count."""
@@ -73,6 +79,65 @@ def counted_rows(counts: NDArray[np.float64]) -> CountedRows | None:
     if (steps % usual).any():
         return None
     return CountedRows(np.concatenate(([0], np.cumsum(steps // usual))), None)
+
+
+def over_gaps(
+    name: str, counted: CountedRows, uniform: Callable[[int], TimeBase], path: Path, place: Callable[[int], str]
+) -> tuple[TimeBase, Note]:
+    """Return instants that leave the gaps which a counter shows, and what is to say about them.
+
+    Parameters
+    ----------
+    name
+        Name of the counter.
+    uniform
+        Function that returns the instants of so many rows by their rate alone.
+    path
+        File, for messages.
+    place
+        Function that names the place of a row, counted from 0.
+
+    Raises
+    ------
+    CorruptFileError
+        If the counter was set back.
+    """
+    if counted.back is not None:
+        raise CorruptFileError(
+            f"{name!r}, which counts the rows, begins anew: a second recording begins, or it was set back",
+            path=path, place=place(counted.back), expected="one recording, which its rate dates",
+            remedy="take the recordings apart there, or export with a column of time",
+        )  # fmt: skip
+    whole = uniform(int(counted.numbers[-1]) + 1)
+    jumps = counted.jumps
+    places = "1 place" if jumps.size == 1 else f"{jumps.size} places"
+    text = (
+        f"{name} counts the rows and jumps in {places}, first behind {place(int(jumps[0]))}: "
+        f"{counted.missing} rows are missing, and instants follow it"
+    )
+    times_s = whole.start_s + (whole.step_s or 0.0) * counted.numbers.astype(np.float64)
+    return TimeBase.stamped(whole.clock, times_s, whole.absolute_start), Note(NoteCode.LOST, name, text)
+
+
+def first_counter(
+    columns: Mapping[str, Callable[[int, int], NDArray[np.float64]]], count: int
+) -> tuple[str, CountedRows] | None:
+    """Return the first column that counts the rows and does not always go on by one, by its name.
+
+    Parameters
+    ----------
+    columns
+        Functions that read the numbers of rows from one to before another.
+    count
+        Number of rows.
+    """
+    for name, read in columns.items():
+        if counted_rows(read(0, min(count, 4 * FEWEST_ROWS))) is None:
+            continue
+        counted = counted_rows(read(0, count))
+        if counted is not None and (counted.back is not None or counted.missing):
+            return name, counted
+    return None
 
 
 def _whole(numbers: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -237,6 +237,7 @@ READERS: tuple[Reader, ...] = (
     TableReader(
         "WAV", "dewetron", (".wav",), "wav.reader:WavReader", (rb"(?s)(RIFF|RF64|BW64).{4}WAVE",), Claim.CERTAIN
     ),
+    TableReader("NumPy array", "dewetron", (".npy",), "npy.reader:NpyReader", (rb"\x93NUMPY",), Claim.CERTAIN),
     TableReader(
         "recoil-daq CSV", "dewetron", (".csv",), "exported.recoil_csv:RecoilCsvReader", (r"\A# recoil-daq: ",)
     ),

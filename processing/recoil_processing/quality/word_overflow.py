@@ -17,7 +17,11 @@ LARGEST_STEP = 0.25
 OTHER_SIDE = 0.3
 """Share of the word by which a pulse that came back at its other end lies beyond the rest: a drop-out falls on that."""
 LEAST_LONG = 2
-"""Samples in a row behind a jump: a single one is a spike."""
+"""Samples in a row behind a jump: a single one is a spike, unless the jump is that of a whole word."""
+WORDS = tuple(2.0**bits for bits in (8, 10, 12, 14, 16, 18, 20, 24))
+"""Numbers of steps that words have from one end to the other."""
+WHOLE = 0.97
+"""Share of a word from which on a jump is over all of it."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,7 @@ def find_word_overflow(samples: Array) -> WordOverflow | None:
 
     The jumps are nearly as large as all that the signal takes between its extremes, and with them taken out it is
     smooth. A signal that rings by as much between samples has no such steps only; one that drops out falls on its rest.
+    A sample that is alone beyond a jump is a spike, unless the jump takes all steps that a word has.
 
     Parameters
     ----------
@@ -62,7 +67,10 @@ def find_word_overflow(samples: Array) -> WordOverflow | None:
         return None
     span, steps = float(np.ptp(present)), np.diff(present)
     at = np.flatnonzero(np.abs(steps) > LEAST_JUMP * span)
-    if not at.size or (at.size > 1 and int(np.diff(at).min()) < LEAST_LONG):
+    if not at.size:
+        return None
+    is_alone = at.size > 1 and int(np.diff(at).min()) < LEAST_LONG
+    if is_alone and not _is_whole_word(present, float(np.min(np.abs(steps[at])))):
         return None
     # what lies between a sample and the next is its own step beyond the word
     word = float(np.max(np.abs(steps[at])))
@@ -73,3 +81,13 @@ def find_word_overflow(samples: Array) -> WordOverflow | None:
     rest = float(np.median(present))
     sides = rest - float(present.min()), float(present.max()) - rest
     return WordOverflow(word, int(at.size)) if min(sides) > OTHER_SIDE * span else None
+
+
+def _is_whole_word(samples: Array, jump: float) -> bool:
+    """Return whether a jump takes all steps of a word, by the steps in which all samples lie."""
+    levels = np.unique(samples)
+    step = float(np.diff(levels).min())
+    count = (levels - levels[0]) / step
+    if count[-1] > WORDS[-1] or np.any(np.abs(count - np.round(count)) > 0.01):
+        return False
+    return any(WHOLE * word <= jump / step < word and count[-1] < word for word in WORDS)

@@ -225,3 +225,15 @@ def test_lost_samples_are_no_rounding() -> None:
         kept = np.delete(stamps(10_000.0), lost)
         assert rounded_step_s(kept) is None
         assert TimeBase.stamped("c", kept).rate_hz == pytest.approx(10_000.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "doubtful"),
+    [
+        ("1601-01-01T00:00:00", True), ("1904-01-01T00:00:00", True), ("1970-01-01T00:00:03", True),
+        ("1980-01-06T00:00:00", True), ("9999-12-31T23:59:59", True), ("2026-08-03T12:23:05", False),
+        ("2100-01-01T00:00:00", False), ("sometime", False),
+    ],
+)  # fmt: skip
+def test_a_start_of_a_clock_that_was_never_set_is_doubtful(text: str, doubtful: bool) -> None:
+    assert AbsoluteStart(text, "unknown", "head").is_doubtful == doubtful

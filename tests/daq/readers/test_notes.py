@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recoil_acquisition.clocks.timebase import TimeBase
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.table import recognise
@@ -60,3 +60,13 @@ def test_what_a_note_is_and_is_about(
     name: str, content: bytes, declared: Declarations, expected: set[tuple[object, str | None]], tmp_path: Path
 ) -> None:
     assert expected <= notes_of(tmp_path / name, content, declared)
+
+
+def test_a_start_that_no_instrument_has_is_a_caution_with_file_and_date() -> None:
+    header = SignalHeader("p", "bar", 3)
+    for text, said in (("1904-01-01T00:00:00", 1), ("2026-08-03T12:23:05", 0)):
+        start = AbsoluteStart(text, "unknown", "the head")
+        channel = StoredChannel(header, TimeBase.uniform("recorder", 0.0, 1e-3, 3, start), lambda a, b: np.ones(b - a))
+        recording = Recording(Path("x/shot.dat"), "other", [channel], metadata={}, absolute_start=start)
+        assert [note.code for note in recording.notes] == [CautionCode.DOUBTFUL_START] * said
+        assert all("shot.dat: its start, 1904-01-01T00:00:00 (the head)" in note for note in recording.notes)

@@ -52,3 +52,18 @@ def test_lost_samples_hide_no_overflow(lost: list[int]) -> None:
 )
 def test_what_is_no_overflow_is_not_called_one(samples: np.ndarray) -> None:
     assert find_word_overflow(samples) is None
+
+
+def test_an_overflow_of_one_sample_is_named_where_it_takes_the_whole_word() -> None:
+    times = np.linspace(-1.0, 1.0, 2001)
+    counts = np.round(32_700 * np.exp(-((times / 0.3) ** 2)))
+    counts[1000] = 32_775 - 65_536
+    found = find_word_overflow(0.5e-3 * counts)
+    assert found is not None
+    assert found.jumps == 2
+    # a spike of any other size is one, and so is one of a signal that lies in no steps
+    counts[1000] = -20_000
+    assert find_word_overflow(0.5e-3 * counts) is None
+    noise = np.random.default_rng(1).normal(0, 1e-5, counts.size)
+    counts[1000] = 32_775 - 65_536
+    assert find_word_overflow(0.5e-3 * counts + noise) is None

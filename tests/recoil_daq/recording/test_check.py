@@ -338,3 +338,20 @@ def test_what_identification_would_refuse_is_a_warning(run, tmp_path: Path) -> N
     (said,) = [one for one in document["findings"] if "identify would find" in one["text"]]
     assert said["severity"] == "warn"
     assert "the body moves when the record begins, and nothing tells how fast" in said["text"]
+
+
+def test_a_unit_that_is_none_is_a_warning_and_the_rigs_counts(run, rig: Path, mixed_shot: TwinShot) -> None:
+    recorder = next(file for file in mixed_shot.files if "dewetron" in file.name)
+    heading = re.search(r"AI \d+/p_breech \((\w+)\)", recorder.read_text(encoding="utf-8").partition("\n")[0])
+    assert heading
+    spoilt = rig.parent / recorder.name
+    renamed = heading[0].replace(heading[1], "furlong")
+    spoilt.write_bytes(recorder.read_bytes().replace(heading[0].encode(), renamed.encode(), 1))
+    result = run("check", rig, spoilt, "--json")
+    assert result.exit_code == 0, result.output
+    (told,) = (one for one in json.loads(result.stdout)["warnings"] if "no known unit" in one["problem"])
+    assert told["key"] == "channel 'p_breech'.unit"
+    assert "in 'furlong', which is no known unit: the rig's 'MPa' counts" in told["problem"]
+    assert "declare the source's `layout`" in told["problem"]
+    without = run("check", rig, recorder, "--json")
+    assert not any("no known unit" in one["problem"] for one in json.loads(without.stdout)["warnings"])

@@ -25,7 +25,7 @@ def test_show_names_a_file_that_is_not_read_and_says_what_to_do(name: str, tmp_p
     assert shown.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("name", ["an imc FAMOS file", "a SavvyCAN log (GVRET)", "a NumPy array"])
+@pytest.mark.parametrize("name", ["an imc FAMOS file", "a SavvyCAN log (GVRET)", "an archive of NumPy arrays"])
 def test_check_and_ingest_say_the_same(name: str, tmp_path: Path, run) -> None:
     path = tmp_path / "measured.dat"
     path.write_bytes(FOREIGN_FILES[name][0])

@@ -21,7 +21,7 @@ from recoil_acquisition.readers.can.frames import DATE_FAULT, FD_LENGTHS, CanLog
 from recoil_acquisition.readers.can.lines import CUT, LineShape, read_uniform_lines, split_lines
 from recoil_acquisition.readers.can.second_recording import SecondRecordingError, note_on_second
 from recoil_acquisition.readers.text.cells import whole_number
-from recoil_acquisition.remark import Note, NoteCode, Remark
+from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 
 MONTHS = {
     name: number
@@ -52,6 +52,10 @@ _USUAL = re.compile(
     re.IGNORECASE | re.ASCII,
 )
 _CLASSIC_BYTES = 8
+_SAME_BEGIN_S = 5.0
+"""Difference between the date of a trigger block and its stamps that is none: both are of its trigger."""
+_NAMED, _REQUESTED = "named frame", "TxRq"
+"""Kinds of entries: frames with a name for an identifier, and requests to send, which the frame itself follows."""
 _LAST_LINE = b"end triggerblock"
 """Beginning of a log's last line, in small letters."""
 _HEX_WORD = re.compile(rb"[0-9a-fA-F]", re.ASCII)
@@ -97,6 +101,11 @@ def read_asc(text: bytes, encoding: str = "utf-8") -> CanLog:
             notes.append(Note(NoteCode.CUT, None, "the log has no `End TriggerBlock`: it may have been cut"))
         if part is not first and part.later_ns:
             notes.append(note_on_second(part.first_line + 1, part.later_ns))
+        elif part is not first and (about := _dated_apart(first, part)):
+            notes.append(about)
+    if named := found.other_kinds[_NAMED]:
+        why = f"{named} entries have a name for their identifier and were left out: save the log with numbers"
+        notes.append(Caution(CautionCode.UNKNOWN_ENTRIES, None, why))
     if any(part.relative for part in parts):
         notes.append(Note(NoteCode.TIME, None, "stamps are relative to the event before: they were summed up"))
     start, fault = _asc_start(first.header)
@@ -186,6 +195,22 @@ def _later_ns(parts: Sequence[_Part], part: _Part) -> int:
     return later_ns
 
 
+def _dated_apart(first: _Part, part: _Part) -> Note | None:
+    """Return the note on a trigger block that is dated otherwise than its stamps, which go on; None if it is not."""
+    start, begin = _asc_start(part.header)[0], _asc_start(first.header)[0]
+    own = part.found.frames()[0].time_s
+    if start is None or begin is None or not own.size:
+        return None
+    later_s = (dt.datetime.fromisoformat(start.text) - dt.datetime.fromisoformat(begin.text)).total_seconds()
+    if min(abs(later_s), abs(later_s - float(own[0]))) < _SAME_BEGIN_S:
+        return None
+    text = (
+        f"the trigger block in line {part.first_line + 1} is dated {start.text}, {later_s:+.9g} s from the first, and "
+        f"its stamps go on from {float(own[0]):.9g} s: the stamps count"
+    )
+    return Note(NoteCode.CONTRADICTION, None, text)
+
+
 def _read_part(text: bytes, encoding: str, part: _Part) -> None:
     """Read one recording; a base, or relative stamps, may have been stated before it."""
     lines, found = split_lines(text), part.found
@@ -255,7 +280,9 @@ def _read_event(words: Sequence[str], time_ns: int, base: int, found: FrameList)
         found.error_frames += 1
     elif lowered[:1] == ["canfd"]:
         _read_fd(words, time_ns, base, found)
-    elif len(words) > 4 and whole_number(words[1]) is not None and lowered[2] in ("rx", "tx", "txrq"):
+    elif len(words) > 4 and whole_number(words[1]) is not None and lowered[2] == _REQUESTED.casefold():
+        found.add_other(_REQUESTED)
+    elif len(words) > 4 and whole_number(words[1]) is not None and lowered[2] in ("rx", "tx"):
         _read_classic(words, time_ns, base, found)
     elif lowered[:1] and lowered[0][:1].isalpha():
         found.add_other(words[1][:16])
@@ -332,6 +359,9 @@ def _add(identifier: str, channel: str, time_ns: int, data: bytes, base: int, fo
     try:
         number = int(identifier[:-1] if extended else identifier, base)
     except ValueError:
+        if identifier[:1].isalpha() and identifier.replace("_", "").isalnum():
+            found.add_other(_NAMED)
+            return
         number = -1
     bus = whole_number(channel)
     found.add_identified(time_ns, number, -1 if bus is None else bus, data, extended=extended)

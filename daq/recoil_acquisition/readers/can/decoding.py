@@ -121,6 +121,8 @@ class SignalLayout:
         Least and largest stored number of the database's range; None where it states none.
     codes
         Stored numbers that are no measurement, from and to, and what they are called.
+    comment
+        Comment of the database; empty where it has none.
     """
 
     name: str
@@ -134,6 +136,7 @@ class SignalLayout:
     multiplexer_ranges: tuple[range, ...]
     raw_limits: tuple[int, int] | None = None
     codes: tuple[tuple[int, int, str], ...] = ()
+    comment: str = ""
 
     @property
     def bytes_needed(self) -> int:
@@ -216,6 +219,7 @@ def layout_of(signal: Any) -> SignalLayout | None:
         ),
         raw_limits=limits,
         codes=() if signal.is_float else _codes(signal, limits),
+        comment=str(signal.comment or ""),
     )
 
 

@@ -34,6 +34,7 @@ from recoil_acquisition.readers.can.messages import CanDatabase, Messages, count
 from recoil_acquisition.readers.can.second_recording import refuse_set_back
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
+from recoil_acquisition.readers.statements import Statements
 from recoil_acquisition.readers.text.cells import whole_number
 from recoil_acquisition.readers.time.bursts import find_bursts
 from recoil_acquisition.readers.time.stalls import late_stamps
@@ -137,7 +138,8 @@ class CanRecording(Recording):
             count = int(np.count_nonzero(signal.held))
             instants = partial(signal.instants, declared.clock, log.absolute_start)
             header = SignalHeader(name, signal.layout.unit, count)
-            channels.append(StoredChannel(header, instants, signal.samples, signal.raw))
+            beside = Statements({"comment": signal.layout.comment})
+            channels.append(StoredChannel(header, instants, signal.samples, signal.raw, beside=beside))
         super().__init__(
             path, reader, channels, metadata=metadata, notes=notes, incomplete=log.incomplete,
             absolute_start=log.absolute_start, check_name=partial(_refuse, names, database, unknown),

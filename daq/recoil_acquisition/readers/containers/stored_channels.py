@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
+from dataclasses import replace
+from functools import cached_property, partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.clocks.timebase import AbsoluteStart
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import FileEnd, NoSignalError, ReadError
 from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.readers.row_counter import first_counter, over_gaps
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 
@@ -29,6 +32,7 @@ def container_recording(
     absolute_start: AbsoluteStart | None = None,
     left_out: Mapping[str, str] | None = None,
     remedy: str | None = None,
+    rows: Mapping[str, str] = MappingProxyType({}),
 ) -> Recording:
     """Return the recording of a container's channels; the first seven parameters are those of `Recording`.
 
@@ -38,6 +42,8 @@ def container_recording(
         Reasons why signals are not read, by their names; whoever asks for one is given its reason.
     remedy
         Advice to the user where there is no channel.
+    rows
+        Group of each channel that a rate dates, by the channel's name: a counter among them tells which are missing.
 
     Raises
     ------
@@ -46,10 +52,68 @@ def container_recording(
     """
     if not channels:
         raise no_signal("no time history in this file", path, left_out or {}, notes, incomplete, remedy)
+    dated, of_groups = _over_gaps(path, channels, rows)
     return Recording(
-        path, reader, channels, metadata=metadata, notes=notes, incomplete=incomplete, absolute_start=absolute_start,
-        check_name=partial(_refuse_left_out, left_out or {}, path),
+        path, reader, dated, metadata=metadata, notes=lambda: (*notes, *_said(of_groups)), incomplete=incomplete,
+        absolute_start=absolute_start, check_name=partial(_refuse_left_out, left_out or {}, path),
     )  # fmt: skip
+
+
+class _Rows:
+    """Rows of a group that one rate dates.
+
+    Parameters
+    ----------
+    channels
+        All that it has.
+    uniform
+        Their instants by the rate alone.
+    """
+
+    def __init__(self, path: Path, channels: Sequence[StoredChannel], uniform: TimeBase) -> None:
+        self._path, self._uniform = path, uniform
+        self._columns = {one.header.name: one.samples for one in channels if not one.header.unit}
+
+    @cached_property
+    def found(self) -> tuple[TimeBase, Note | None]:
+        """Instants with the gaps that a counter shows, and what is to say about them."""
+        base = self._uniform
+        counted = first_counter(self._columns, base.count)
+        if counted is None or base.step_s is None:
+            return base, None
+        uniform = partial(_extended, base)
+        return over_gaps(*counted, uniform, self._path, lambda row: f"sample {row + 1}")
+
+    def instants(self) -> TimeBase:
+        return self.found[0]
+
+
+def _extended(base: TimeBase, count: int) -> TimeBase:
+    return TimeBase.uniform(base.clock, base.start_s, base.step_s or 1.0, count, base.absolute_start)
+
+
+def _over_gaps(
+    path: Path, channels: Sequence[StoredChannel], rows: Mapping[str, str]
+) -> tuple[Sequence[StoredChannel], list[_Rows]]:
+    """Let a counter date the channels of its group, once somebody asks for instants or notes."""
+    groups: dict[tuple[Any, ...], list[StoredChannel]] = {}
+    for one in channels:
+        base = one.time_base
+        if one.header.name in rows and isinstance(base, TimeBase) and base.step_s is not None:
+            groups.setdefault((rows[one.header.name], base.count, base.start_s, base.step_s), []).append(one)
+    several = [own for own in groups.values() if len(own) > 1 and any(not one.header.unit for one in own)]
+    found: list[_Rows] = []
+    dated: dict[str, StoredChannel] = {}
+    for own in several:
+        base = own[0].time_base
+        if isinstance(base, TimeBase):
+            found.append(_Rows(path, own, base))
+            dated |= {one.header.name: replace(one, time_base=found[-1].instants) for one in own}
+    return [dated.get(one.header.name, one) for one in channels], found
+
+
+def _said(groups: Sequence[_Rows]) -> list[Note]:
+    return [note for one in groups if (note := one.found[1]) is not None]
 
 
 def no_signal(

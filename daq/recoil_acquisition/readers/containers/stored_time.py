@@ -6,7 +6,7 @@ number type lies between them and a uniform time base, which is taken where all 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
@@ -21,6 +21,10 @@ from recoil_acquisition.remark import Note, NoteCode, Remark
 
 LEAST_UNUSUAL = 8
 """Steps of rounded stamps that are longer or shorter than the usual one: a few long ones are gaps."""
+MOST_COLUMNS = 100
+"""Columns of a matrix that are channels; a wider one is an image or a table of something else."""
+EVEN = 0.01
+"""Spread of steps, as a share of their mean, up to which a column rises evenly."""
 DATENUM_OF_YEAR_1 = 367.0
 """MATLAB's serial date number of 0001-01-01 (documentation of ``datenum``)."""
 
@@ -146,6 +150,28 @@ def time_from_vector(
     if time.note:
         notes.append(Note(NoteCode.TIME, label, f"{label}: {time.note}"))
     return time
+
+
+def rising_column(columns: Mapping[str, Callable[[], NDArray[Any]]]) -> tuple[str | None, str]:
+    """Find the column of a matrix that is its time: its name; or None and why none is.
+
+    It is the one that rises, of several the one that rises evenly. Whole numbers that rise by one count samples.
+
+    Parameters
+    ----------
+    columns
+        Functions that read each column, by its name.
+    """
+    rising: list[tuple[str, float]] = []
+    for name, read in columns.items():
+        steps = np.diff(read().astype(np.float64))
+        if np.all(steps > 0) and np.isfinite(steps).all() and not np.all(steps == 1.0):
+            rising.append((name, float(np.ptp(steps) / np.mean(steps))))
+    found = rising if len(rising) < 2 else [(name, spread) for name, spread in rising if spread <= EVEN]
+    if len(found) == 1:
+        return found[0][0], ""
+    names = " and ".join(name.rpartition("/")[2] for name, _ in rising)
+    return None, f"{names} could both be its time" if rising else "none of its columns is a time, which rises"
 
 
 def selected(

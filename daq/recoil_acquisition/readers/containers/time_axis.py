@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
+from recoil_acquisition.readers.statements import folded
 from recoil_acquisition.readers.text.cells import split_unit
 from recoil_acquisition.readers.time.time_units import rate_unit_hz, time_unit_s
 
@@ -73,11 +74,6 @@ class Stated:
 
     name: str
     value: float
-
-
-def folded(name: str) -> str:
-    """Return a name in small letters, letters and digits alone."""
-    return "".join(c for c in name.casefold() if c.isalnum())
 
 
 def unit_in_time_name(name: str) -> str | None:

@@ -41,6 +41,7 @@ from recoil_acquisition.readers.containers.stored_time import selected
 from recoil_acquisition.readers.dewesoft import child_process as child
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
+from recoil_acquisition.readers.statements import Statements
 from recoil_acquisition.readers.time.increasing_stamps import keep_increasing, left_out_note
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
@@ -211,8 +212,9 @@ class _Found:
         metadata = {key: channel[key] for key in ("description", "data_type") if channel.get(key)}
         header = SignalHeader(name, channel["unit"], count, metadata=metadata)
         return StoredChannel(
-            header, partial(self._instants, name, channel, chosen), partial(self._samples, channel, chosen)
-        )
+            header, partial(self._instants, name, channel, chosen), partial(self._samples, channel, chosen),
+            beside=Statements({"description": channel.get("description", "")}),
+        )  # fmt: skip
 
     def _stored(self, channel: dict[str, Any], start: int, stop: int) -> NDArray[np.float64]:
         """Read what the child wrote of one channel: its samples, and behind them its stamps."""

@@ -13,6 +13,7 @@ from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.readers.exported.header import ExportedHeader
 from recoil_acquisition.readers.own_rows import about_rows, own_rows
 from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.readers.statements import Statements
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 Columns = tuple[NDArray[np.float64], ...]
@@ -41,7 +42,12 @@ def exported_recording(
     incomplete = "; ".join(filter(None, (missing, cut)))
     rows = _Rows(header, clock, incomplete, read_columns)
     channels = [
-        StoredChannel(replace(signal, sample_count=row_count), rows.instants, partial(rows.samples, i))
+        StoredChannel(
+            replace(signal, sample_count=row_count),
+            rows.instants,
+            partial(rows.samples, i),
+            beside=Statements(signal.metadata, ("unit",)),
+        )
         for i, signal in enumerate(header.signals, start=1)
     ]
     return Recording(

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.readers.containers.time_axis import folded, unit_in_time_name
+from recoil_acquisition.readers.containers.time_axis import unit_in_time_name
 from recoil_acquisition.readers.hdf5.walk import LARGEST_ATTRIBUTE
+from recoil_acquisition.readers.statements import folded
 
 UNIT = frozenset({"unit", "units", "unitstring", "yunit", "physicalunit", "engineeringunit"})
 START = frozenset(
@@ -24,9 +25,6 @@ START = frozenset(
 SCALES = {"scalefactor": "addoffset", "conversion": "offset"}
 """Names of a factor and of what is added behind it: netCDF's and HDF5 dimension scales', and NWB's."""
 LOST = frozenset({"fillvalue", "missingvalue"})
-OTHER_SCALING = frozenset({"gain", "scale", "slope", "sensitivity", "factor", "calibration", "multiplier", "scaling"})
-_SCALING = ("scal", "factor", "gain", "slope", "sensitiv", "calib", "multipl", "conversion", "lsb", "coef", "perbit")
-"""Parts of names of numbers that may be a factor or a part of a line."""
 
 
 def is_time_name(name: str) -> bool:
@@ -80,13 +78,13 @@ class Scaling:
 
     Attributes
     ----------
-    open
-        Attribute that may scale, too, in a way that no standard tells; None if there is none.
+    used
+        Names of the attributes that state it.
     """
 
     gain: float
     zero: float
-    open: Found | None
+    used: frozenset[str]
 
     @classmethod
     def of(cls, attributes: Mapping[str, Any]) -> Scaling:
@@ -94,15 +92,8 @@ class Scaling:
         found = [(find_number(attributes, frozenset({name})), shift) for name, shift in SCALES.items()]
         scales = [(scale, find_number(attributes, frozenset({shift}))) for scale, shift in found if scale is not None]
         shift = find_number(attributes, frozenset({"addoffset"})) if not scales else scales[0][1]
-        used = {one.name for pair in scales[:1] for one in pair if one is not None}
-        others = (
-            Found(name, value)
-            for name, value in attributes.items()
-            if name not in used and (folded(name) in OTHER_SCALING or _may_scale(name, value))
-        )
-        return cls(
-            float(scales[0][0].value) if scales else 1.0, float(shift.value) if shift else 0.0, next(others, None)
-        )
+        used = frozenset(one.name for one in (scales[0][0] if scales else None, shift) if one is not None)
+        return cls(float(scales[0][0].value) if scales else 1.0, float(shift.value) if shift else 0.0, used)
 
 
 def find(attributes: Mapping[str, Any], names: frozenset[str]) -> Found | None:
@@ -124,9 +115,18 @@ def find_number(attributes: Mapping[str, Any], names: frozenset[str]) -> Found |
     return None
 
 
-def _may_scale(name: str, value: Any) -> bool:
-    number = isinstance(value, (int, float, list)) and not isinstance(value, bool)
-    return number and any(part in folded(name) for part in _SCALING)
+def lost_numbers(attributes: Mapping[str, Any]) -> dict[str, list[float]]:
+    """Return the numbers that stand for a lost sample, by the attributes that state them."""
+    found = {}
+    for name, value in attributes.items():
+        if folded(name) not in LOST or isinstance(value, bool):
+            continue
+        numbers = value if isinstance(value, list) else [value]
+        try:
+            found[name] = [float(number) for number in numbers]
+        except (TypeError, ValueError):
+            continue
+    return found
 
 
 def find_start(attributes: Mapping[str, Any]) -> tuple[str, datetime] | None:

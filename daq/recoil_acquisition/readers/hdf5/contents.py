@@ -8,10 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.containers.time_axis import folded
 from recoil_acquisition.readers.hdf5.attributes import is_time_name, plain_attributes
-from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, Room, record_vectors, vector_of
+from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, Room, column_vectors, record_vectors, vector_of
 from recoil_acquisition.readers.hdf5.walk import Hdf5ExcessError, objects_of
+from recoil_acquisition.readers.statements import folded
+
+_STARTING_TIME = "starting_time"
+"""Dataset of one number that in NWB states the first instant, s, and by its attribute `rate` the rate, Hz."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +77,7 @@ def contents_of(path: Path, file: Any) -> Contents:
     CorruptFileError
         If its datasets take more bytes than it has.
     """
-    groups: dict[str, Mapping[str, Any]] = {}
+    groups: dict[str, dict[str, Any]] = {}
     names: list[str] = []
     try:
         for name, item in objects_of(file):
@@ -92,6 +95,14 @@ def contents_of(path: Path, file: Any) -> Contents:
         item = file[name]
         if item.dtype.names and item.shape is not None:
             datasets += _fields(path, name, item, groups, room, left_out)
+            continue
+        if item.shape == () and name.rpartition("/")[2] == _STARTING_TIME and "rate" in item.attrs:
+            above = "/" + name.rpartition("/")[0] if "/" in name else ""
+            rate = plain_attributes(item, ("rate",))
+            groups[above].update(rate, time_offset=float(item[()]))
+            continue
+        if columns := column_vectors(path, item, size):
+            datasets += _columns(columns, item, groups, room)
             continue
         vector = vector_of(path, item, size)
         if isinstance(vector, str):
@@ -127,6 +138,16 @@ def _fields(
         above = [groups.get("/".join(parts[:n]), {}) for n in range(len(parts), 0, -1)]
         found.append(Dataset(vector, own, [said, *above], None))
     return found
+
+
+def _columns(
+    columns: Sequence[Hdf5Vector], item: Any, groups: Mapping[str, Mapping[str, Any]], room: Room
+) -> list[Dataset]:
+    """Return the columns of a matrix as datasets in a group of its name, which has its attributes."""
+    room.take(columns[0], item.id.get_storage_size())
+    parts, said = columns[0].name.split("/")[:-2], plain_attributes(item)
+    above = [said, *(groups.get("/".join(parts[:n]), {}) for n in range(len(parts), 0, -1))]
+    return [Dataset(vector, {}, above, None) for vector in columns]
 
 
 def _dataset(vector: Hdf5Vector, item: Any, groups: Mapping[str, Mapping[str, Any]]) -> Dataset:

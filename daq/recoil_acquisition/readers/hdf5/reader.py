@@ -32,12 +32,13 @@ from recoil_acquisition.readers.containers.stored_channels import (
 )
 from recoil_acquisition.readers.containers.stored_time import StoredTime, selected
 from recoil_acquisition.readers.hdf5 import attributes as attribute
-from recoil_acquisition.readers.hdf5.attributes import find, find_number, find_start, plain_attributes
+from recoil_acquisition.readers.hdf5.attributes import find, find_start, plain_attributes
 from recoil_acquisition.readers.hdf5.contents import Contents, Dataset, contents_of
-from recoil_acquisition.readers.hdf5.dataset_time import DatasetTimes
+from recoil_acquisition.readers.hdf5.dataset_time import UNIT_OF_TIMES, DatasetTimes
 from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, hdf5_file
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
+from recoil_acquisition.readers.statements import Statements
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 OWN_SCHEMA = "recoil-daq/"
@@ -76,18 +77,21 @@ def _recording(path: Path, contents: Contents, clock: str) -> Recording:
     notes: list[Remark] = []
     left_out = dict(contents.left_out)
     times = DatasetTimes(contents, clock, notes)
-    chosen: list[tuple[Dataset, StoredTime, str, tuple[str, datetime] | None]] = []
+    chosen: list[tuple[Dataset, StoredTime, str, frozenset[str], tuple[str, datetime] | None]] = []
     timeless = 0
     for data in contents.datasets:
         if data.vector.name in contents.time_names:
             continue
-        time, source = times.time_of(data)
+        time, source, dated_by = times.time_of(data)
         if isinstance(time, str):
             timeless += 1
             left_out[data.label] = time
             continue
         start = next((s for a in (data.own, *data.above) if (s := find_start(a)) is not None), None)
-        chosen.append((data, time, source, start))
+        since = time.time_base.absolute_start
+        if start is None and since is not None and since.moment is not None:
+            start = since.origin, since.moment
+        chosen.append((data, time, source, dated_by, start))
     if timeless and not chosen:
         raise ReadError(
             "no time in this file",
@@ -97,17 +101,19 @@ def _recording(path: Path, contents: Contents, clock: str) -> Recording:
         )
     notes += [unused_time_note(name.lstrip("/")) for name in sorted(contents.time_names - times.used)]
     first, offsets = _starts([start for *_, start in chosen], notes)
-    channels = []
-    for (data, time, source, _), offset_s in zip(chosen, offsets, strict=True):
+    channels, rows = [], {}
+    for (data, time, source, dated_by, _), offset_s in zip(chosen, offsets, strict=True):
+        if data.vector.name in times.columns:
+            continue
         if offset_s is None:
             left_out[data.label] = "states no start, and the others differ in theirs"
             continue
-        channel = _channel(data, time, source, offset_s, first, notes, left_out)
-        if channel is not None:
-            channels.append(channel)
+        if dated_by:
+            rows[data.label] = data.group
+        channels.append(_channel(data, time, source, offset_s, first, dated_by, notes))
     metadata = {"attributes": contents.groups[""], "groups": {n: a for n, a in contents.groups.items() if n and a}}
     notes += left_out_notes(left_out)
-    return container_recording(path, Hdf5Reader.name, channels, metadata, notes, "", first, left_out)
+    return container_recording(path, Hdf5Reader.name, channels, metadata, notes, "", first, left_out, rows=rows)
 
 
 def _starts(
@@ -129,7 +135,7 @@ def _starts(
     offset = earliest.utcoffset()
     zone = "unknown" if offset is None else ("UTC" if not offset else earliest.isoformat()[-6:])
     text = earliest.replace(tzinfo=None).isoformat()
-    return AbsoluteStart(text, zone, f"attribute {name}"), offsets
+    return AbsoluteStart(text, zone, name if name == UNIT_OF_TIMES else f"attribute {name}"), offsets
 
 
 def _channel(
@@ -138,19 +144,11 @@ def _channel(
     source: str,
     offset_s: float,
     start: AbsoluteStart | None,
+    dated_by: frozenset[str],
     notes: list[Remark],
-    left_out: dict[str, str],
-) -> StoredChannel | None:
+) -> StoredChannel:
     vector, base = data.vector, time.time_base
-    scaling = attribute.Scaling.of(data.own)
-    other = scaling.open
-    if other is not None and vector.dtype.kind in "iu":
-        left_out[data.label] = f"integers with the attribute {other.name}, whose meaning is open"
-        return None
-    if other is not None:
-        text = f"{data.label}: the attribute {other.name} = {other.value} is not applied"
-        notes.append(Note(NoteCode.UNITS, data.label, text))
-    lost = find_number(data.own, attribute.LOST)
+    scaling, lost = attribute.Scaling.of(data.own), attribute.lost_numbers(data.own)
     unit = find(data.own, attribute.UNIT)
     if unit is None:
         notes.append(Note(NoteCode.UNITS, data.label, f"{data.label}: no unit is stated"))
@@ -158,10 +156,13 @@ def _channel(
     base = base.shifted(offset_s, start)
     text = str(unit.value) if unit else ""
     header = SignalHeader(data.label, text, base.count, metadata={"time": source, "attributes": dict(data.own)})
-    missing = lost.value if lost else None
-    is_counted = vector.dtype.kind in "iu" and missing is None
-    raw = partial(_raw, vector, time.kept, gain, zero, text) if is_counted else None
-    return StoredChannel(header, base, partial(_samples, vector, time.kept, gain, zero, missing), raw)
+    missing = np.unique([number for numbers in lost.values() for number in numbers])
+    is_counted = vector.dtype.kind in "iu"
+    raw = partial(_raw, vector, time.kept, gain, zero, text) if is_counted and not missing.size else None
+    said = {name: value for level in (*reversed(data.above), data.own) for name, value in level.items()}
+    used = {*scaling.used, *lost, *dated_by, *([unit.name] if unit else [])}
+    samples = partial(_samples, vector, time.kept, gain, zero, missing)
+    return StoredChannel(header, base, samples, raw, beside=Statements(said, used, is_counted))
 
 
 def _samples(
@@ -169,14 +170,14 @@ def _samples(
     kept: NDArray[np.int64] | None,
     gain: float,
     zero: float,
-    lost: float | None,
+    lost: NDArray[np.float64],
     start: int,
     stop: int,
 ) -> NDArray[np.float64]:
     stored = selected(kept, vector.stored, start, stop).astype(np.float64)
     values = gain * stored + zero
-    if lost is not None:
-        values[stored == lost] = np.nan
+    if lost.size:
+        values[np.isin(stored, lost)] = np.nan
     return values
 
 

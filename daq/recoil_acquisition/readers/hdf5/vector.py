@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.bounded_file import DEFLATE_RATIO, most_unpacked
 from recoil_acquisition.readers.containers.stored_channels import Damaged
+from recoil_acquisition.readers.containers.stored_time import MOST_COLUMNS
 from recoil_acquisition.readers.recording import map_to_corrupt_file
 
 
@@ -47,7 +48,9 @@ class Hdf5Vector:
     name
         Full name in the file; of a field of records, that of the field behind that of its dataset.
     field
-        Name of the field of records; empty where the samples are no records.
+        Name of the field of records, or of the column of a matrix; empty where the samples are neither.
+    column
+        Axis of a matrix's columns, and the number of this one; None where it is none.
     axis
         Axis that has more than one entry; the others have one.
     """
@@ -58,6 +61,7 @@ class Hdf5Vector:
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
     field: str = ""
+    column: tuple[int, int] | None = None
 
     @property
     def count(self) -> int:
@@ -72,11 +76,16 @@ class Hdf5Vector:
         CorruptFileError
             If the file is damaged.
         """
-        part = tuple(slice(start, stop) if i == self.axis else 0 for i in range(len(self.shape)))
+        across, own = self.column or (-1, 0)
+        part = tuple(
+            slice(start, stop) if i == self.axis else own if i == across else 0 for i in range(len(self.shape))
+        )
         with hdf5_file(self.path) as file:
             if not self.field:
                 return np.atleast_1d(np.asarray(file[self.name][part]))
             records = file[self.name.removesuffix(f"/{self.field}")]
+            if self.column is not None:
+                return np.atleast_1d(np.asarray(records[part]))
             return np.atleast_1d(np.asarray(records.fields(self.field)[part]))
 
 
@@ -135,6 +144,28 @@ def vector_of(path: Path, dataset: Any, file_size: int) -> Hdf5Vector | str:
     return found if isinstance(found, str) else Hdf5Vector(path, dataset.name, found, tuple(dataset.shape), dtype)
 
 
+def column_vectors(path: Path, dataset: Any, file_size: int) -> list[Hdf5Vector]:
+    """Describe the columns of a matrix that has more rows; none where it is no matrix that can be read.
+
+    Parameters
+    ----------
+    file_size
+        Bytes of the file.
+    """
+    shape, dtype = dataset.shape, dataset.dtype
+    long = [] if shape is None else [i for i, length in enumerate(shape) if length > 1]
+    if len(long) != 2 or not is_real(dtype) or _readable(dataset, file_size):
+        return []
+    rows, across = sorted(long, key=lambda i: -shape[i])
+    if shape[across] == shape[rows] or shape[across] > MOST_COLUMNS:
+        return []
+    names = [f"column_{k + 1}" for k in range(shape[across])]
+    return [
+        Hdf5Vector(path, f"{dataset.name}/{name}", rows, tuple(shape), dtype, name, (across, k))
+        for k, name in enumerate(names)
+    ]
+
+
 def record_vectors(path: Path, dataset: Any, file_size: int) -> list[Hdf5Vector | tuple[str, str]] | str:
     """Describe the fields of a dataset of records, or say why it has none; of a field that is no channel name and why.
 
@@ -164,14 +195,20 @@ def is_real(dtype: np.dtype[Any]) -> bool:
 
 def _axis_of(dataset: Any, file_size: int) -> int | str:
     """Return the one axis along which a dataset has more than one entry, or why its samples cannot be read."""
-    dtype, shape = dataset.dtype, dataset.shape
+    shape = dataset.shape
     if shape is None:
         return "no data"
+    long = [i for i, length in enumerate(shape) if length > 1]
+    if not (dataset.is_virtual or dataset.external) and (not shape or len(long) > 1):
+        return f"not one-dimensional (shape {shape})"
+    return _readable(dataset, file_size) or (long[0] if long else 0)
+
+
+def _readable(dataset: Any, file_size: int) -> str:
+    """Say why the samples of a dataset cannot be read; empty if they can."""
+    dtype, shape = dataset.dtype, dataset.shape
     if dataset.is_virtual or dataset.external:
         return "its samples are in another file"
-    long = [i for i, length in enumerate(shape) if length > 1]
-    if not shape or len(long) > 1:
-        return f"not one-dimensional (shape {shape})"
     if prod(shape) == 0:
         return "no samples"
     stored, needed = dataset.id.get_storage_size(), prod(shape) * dtype.itemsize
@@ -185,9 +222,7 @@ def _axis_of(dataset: Any, file_size: int) -> int | str:
         expected = prod(ceil(n / c) for n, c in zip(shape, dataset.chunks, strict=True))
         if dataset.id.get_num_chunks() != expected:
             return f"{dataset.id.get_num_chunks()} of {expected} blocks were written"
-    if missing := _missing_filter(dataset):
-        return missing
-    return long[0] if long else 0
+    return _missing_filter(dataset)
 
 
 def _missing_filter(dataset: Any) -> str:

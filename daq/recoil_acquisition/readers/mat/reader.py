@@ -36,18 +36,12 @@ from recoil_acquisition.readers.containers.stored_channels import (
 from recoil_acquisition.readers.containers.stored_time import (
     StoredTime,
     resolution_of,
+    rising_column,
     selected,
     time_from_datenum,
     time_from_stamps,
 )
-from recoil_acquisition.readers.containers.time_axis import (
-    STEPS,
-    Stated,
-    folded,
-    stated_rate,
-    stated_step,
-    unit_in_time_name,
-)
+from recoil_acquisition.readers.containers.time_axis import STEPS, Stated, stated_rate, stated_step, unit_in_time_name
 from recoil_acquisition.readers.hdf5.vector import Room, hdf5_file, vector_of
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.mat.v4 import is_mat_v4, read_mat_v4
@@ -62,12 +56,14 @@ from recoil_acquisition.readers.mat.variable import (
 )
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.statements import Statements, folded
 from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 T = TypeVar("T")
 
 _DEWESOFT_TIME = re.compile(r"(?P<data>.+?)_time(?:_(?P<channel>.+))?", re.IGNORECASE)
+_UNITS = ("unit", "units")
 _STEPS = STEPS | {"ts"}
 HEAD_V73 = b"MATLAB 7.3 MAT-file"
 DATENUMS = (693962.0, 767011.0)
@@ -155,23 +151,6 @@ def time_of(channel: MatVariable, times: Sequence[MatVariable]) -> MatVariable |
     if len(chosen) > 1:
         return f"{' and '.join(repr(time.name) for time in chosen)} could both be its time"
     return chosen[0] if chosen else None
-
-
-def time_column(columns: Sequence[MatVariable]) -> MatVariable | str:
-    """Find the column of a matrix that is its time, or why none is.
-
-    It is the one that rises, of several the one that rises evenly. Whole numbers that rise by one count samples.
-    """
-    rising: list[tuple[MatVariable, float]] = []
-    for column in columns:
-        steps = np.diff(column.read(0, column.count).astype(np.float64))
-        if np.all(steps > 0) and np.isfinite(steps).all() and not np.all(steps == 1.0):
-            rising.append((column, float(np.ptp(steps) / np.mean(steps))))
-    found = rising if len(rising) < 2 else [(column, spread) for column, spread in rising if spread <= SAME_STEP]
-    if len(found) == 1:
-        return found[0][0]
-    names = " and ".join(column.own_name for column, _ in rising)
-    return f"{names} could both be its time" if rising else "none of its columns is a time, which rises"
 
 
 def _rank(channel: str, time: str) -> int:
@@ -274,6 +253,7 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
     read: dict[str, StoredTime | str] = {}
     channels: list[StoredChannel] = []
     seen: set[str] = set()
+    rows: dict[str, str] = {}
     starts: set[AbsoluteStart | None] = set()
     timeless = 0
     for vector in contents.vectors:
@@ -288,7 +268,9 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
         if chosen is None and vector.is_column:
             matrix = vector.groups[0]
             if matrix not in columns:
-                columns[matrix] = time_column([v for v in contents.vectors if v.is_column and v.groups[0] == matrix])
+                own = {v.own_name: v for v in contents.vectors if v.is_column and v.groups[0] == matrix}
+                found, reason = rising_column({name: partial(v.read, 0, v.count) for name, v in own.items()})
+                columns[matrix] = reason if found is None else own[found]
             chosen = columns[matrix]
         if chosen is vector:
             continue
@@ -306,9 +288,19 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
             timeless += 1
             continue
         starts.add(time.time_base.absolute_start)
-        header = SignalHeader(vector.name, "", time.time_base.count, metadata={"time": source})
-        raw = partial(_raw, vector, time.kept) if vector.dtype.kind in "iu" else None
-        channels.append(StoredChannel(header, time.time_base, partial(_samples, vector, time.kept), raw))
+        said = _said_of(vector, contents, names)
+        own_units = {folded(vector.own_name + ending) for ending in _UNITS}
+        unit = next(
+            (name for name, value in said.items() if folded(name) in own_units and isinstance(value, str)), None
+        )
+        text = "" if unit is None else str(said[unit]).strip()
+        if isinstance(chosen, tuple):
+            rows[vector.name] = vector.groups[0]
+        header = SignalHeader(vector.name, text, time.time_base.count, metadata={"time": source})
+        raw = partial(_raw, vector, time.kept, text) if vector.dtype.kind in "iu" else None
+        used = [*([] if unit is None else [unit]), *([chosen[0]] if isinstance(chosen, tuple) else [])]
+        beside = Statements(said, used, raw is not None)
+        channels.append(StoredChannel(header, time.time_base, partial(_samples, vector, time.kept), raw, beside=beside))
     notes += [unused_time_note(t.name) for t in times if t.name not in read]
     if timeless and not channels:
         raise no_signal(
@@ -325,10 +317,10 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
     if len(starts) > 1:
         text = "time vectors with date numbers start at different instants: compare no channels across them"
         notes.append(Note(NoteCode.TIME, None, text))
-    of_units = [Note(NoteCode.UNITS, None, NO_UNITS)] if channels else []
+    of_units = [Note(NoteCode.UNITS, None, NO_UNITS)] if any(not one.header.unit for one in channels) else []
     notes = [*of_units, *notes, *left_out_notes(left_out)]
     return container_recording(
-        path, MatReader.name, channels, metadata, notes, contents.incomplete, start, left_out, NO_VECTORS
+        path, MatReader.name, channels, metadata, notes, contents.incomplete, start, left_out, NO_VECTORS, rows
     )
 
 
@@ -344,6 +336,17 @@ def _stated_time(
         if chosen is not None:
             return chosen
     return None
+
+
+def _said_of(channel: MatVariable, contents: MatContents, names: Collection[str]) -> dict[str, Any]:
+    """Return the numbers and texts that may be of a channel: behind its name, or behind that of none, where it is."""
+    said: dict[str, Any] = {}
+    for group in reversed(channel.groups):
+        for name, value in (_beside(contents.scalars, group) | _beside(contents.texts, group)).items():
+            owner = max((one for one in names if name.startswith(f"{one}_")), key=len, default=None)
+            if owner in (None, channel.own_name):
+                said[name] = value
+    return said
 
 
 def _beside(values: Mapping[str, T], group: str) -> dict[str, T]:
@@ -401,5 +404,5 @@ def _samples(vector: MatVariable, kept: NDArray[np.int64] | None, start: int, st
     return selected(kept, vector.read, start, stop).astype(np.float64, copy=False)
 
 
-def _raw(vector: MatVariable, kept: NDArray[np.int64] | None, start: int, stop: int) -> RawCounts:
-    return RawCounts(selected(kept, vector.read, start, stop), 1.0, 0.0, "")
+def _raw(vector: MatVariable, kept: NDArray[np.int64] | None, unit: str, start: int, stop: int) -> RawCounts:
+    return RawCounts(selected(kept, vector.read, start, stop), 1.0, 0.0, unit)

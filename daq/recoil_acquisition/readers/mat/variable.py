@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.readers.containers.stored_time import MOST_COLUMNS
+
 LONGEST_TEXT = 1024
 """Characters of a text at most; a longer one is named and left out."""
 MOST_VARIABLES = 5000
-MOST_COLUMNS = 100
-"""Columns of a matrix that are channels; a wider one is an image or a table of something else."""
 STRUCTURE = "a structure: save its fields as vectors, `save('x.mat', '-struct', '{name}')`"
 CELL = "a cell: save its parts as vectors of their own"
 

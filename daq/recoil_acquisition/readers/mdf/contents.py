@@ -38,6 +38,10 @@ class MdfContents(Protocol):
         """Return the comment on a channel; empty if there is none."""
         ...
 
+    def limits_of(self, channel: MdfChannel) -> tuple[float, float] | None:
+        """Return the least and largest value that a channel is stated to have; None if no range is."""
+        ...
+
     def conversion_of(self, channel: MdfChannel) -> NumberConversion | str:
         """Return the conversion of a channel to numbers, or why it has none."""
         ...

@@ -38,6 +38,7 @@ from recoil_acquisition.readers.mdf.master import master_of, time_of_group
 from recoil_acquisition.readers.mdf.number_conversion import NumberConversion
 from recoil_acquisition.readers.mdf.records import Records, split
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.statements import Statements
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
@@ -254,7 +255,10 @@ def measured_recording(
         header = SignalHeader(name, unit, time.time_base.count, metadata=metadata)
         gain = one.conversion.linear if one.channel.data_type in INTEGERS else None
         counts = None if gain is None else partial(one.counts, unit, *gain)
-        channels.append(StoredChannel(header, time.time_base, one.samples, counts))
+        said = {"comment": metadata["comment"]} | ({} if (limits := contents.limits_of(one.channel)) is None else {
+            "limits": list(limits)
+        })  # fmt: skip
+        channels.append(StoredChannel(header, time.time_base, one.samples, counts, beside=Statements(said)))
     metadata_of_file = {**file.metadata, "groups": labels}
     return container_recording(
         file.path, file.reader, channels, metadata_of_file, [*notes, *name_notes], file.incomplete, file.start,

@@ -35,6 +35,7 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.remark import Note, NoteCode
 
 _COMMENT_LINK = 5
+_HAS_LIMITS, _LIMITS_AT = 1 << 4, 40
 _BUS = "frames of a bus in this file are not read here: read it as a source of kind `can` for those"
 
 
@@ -85,6 +86,14 @@ class Mdf4Contents:
     def comment_of(self, channel: MdfChannel) -> str:
         """Return the text of a channel's comment."""
         return text_of(self.content, channel.comment_at)
+
+    def limits_of(self, channel: MdfChannel) -> tuple[float, float] | None:
+        """Return the limits of a channel's values in its unit, where its flags say that it has them."""
+        if not channel.flags & _HAS_LIMITS:
+            return None
+        (links,) = struct.unpack_from("<Q", self.content, channel.at + 16)
+        at = channel.at + 24 + 8 * links + _LIMITS_AT
+        return struct.unpack_from("<2d", self.content, at) if at + 16 <= len(self.content) else None
 
     def conversion_of(self, channel: MdfChannel) -> NumberConversion | str:
         """Return the conversion to numbers of a channel's block, or why it has none."""

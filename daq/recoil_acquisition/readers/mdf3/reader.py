@@ -217,6 +217,16 @@ class OldContents:
         (description,) = self._blocks.unpacked(_DESCRIPTION, channel.at + _DESCRIPTION_AT)
         return self._blocks.text(channel.comment_at) or self._blocks.decoded(description)
 
+    def limits_of(self, channel: MdfChannel) -> tuple[float, float] | None:
+        """Return the range of values of a channel's conversion, where it says that it has one."""
+        try:
+            if not channel.conversion_at or not self._blocks.unpacked("H", channel.conversion_at + 4)[0]:
+                return None
+            low, high = self._blocks.unpacked("2d", channel.conversion_at + 6)
+        except MdfDamageError:
+            return None
+        return low, high
+
     def conversion_of(self, channel: MdfChannel) -> NumberConversion | str:
         """Return the conversion to numbers of a channel's block, or why it has none."""
         return number_conversion(self._blocks, channel)

@@ -27,6 +27,7 @@ from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, syst
 from recoil_acquisition.readers.oxygen.blocks import BlockIndex, index_blocks, local, read_xml
 from recoil_acquisition.readers.oxygen.samples import INTEGERS, Pieces, Signal, signal_of
 from recoil_acquisition.readers.oxygen.setup import (
+    ChannelSetup,
     Event,
     SegmentSetup,
     Setup,
@@ -38,9 +39,12 @@ from recoil_acquisition.readers.oxygen.setup import (
 )
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
+from recoil_acquisition.readers.statements import Statements
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.remark import Note, NoteCode
 
+_OF_INPUT = frozenset({"Scaling", "Unit", "Range", "InputOffset"})
+"""Properties that are of the amplifier's input, or that made the samples."""
 _SETUPS = "oxy_config"
 _WHOLE_TEXTS = (_SETUPS, "oxy_event")
 """Segments of which the last text says everything; those of ``oxy_event_recovery`` add to each other."""
@@ -162,7 +166,11 @@ def _recording(index: BlockIndex, file: BinaryIO, clock: str) -> Recording:
                 name, channel.unit, signal.pieces.count, metadata={"sample_format": channel.sample_format}
             )
             instants = partial(_instants, signal, name, index.path, clock, start)
-            channels.append(StoredChannel(header, instants, partial(_samples, signal), partial(_raw, signal)))
+            channels.append(
+                StoredChannel(
+                    header, instants, partial(_samples, signal), partial(_raw, signal), beside=_beside(channel)
+                )
+            )
     if not channels:
         raise ReadError(
             "there are no samples that can be read", path=index.path,
@@ -180,6 +188,12 @@ def _recording(index: BlockIndex, file: BinaryIO, clock: str) -> Recording:
         index.path, OxygenReader.name, channels, metadata=metadata, notes=notes, incomplete=index.incomplete,
         absolute_start=start,
     )  # fmt: skip
+
+
+def _beside(channel: ChannelSetup) -> Statements:
+    """Return the properties of a channel: those of OXYGEN itself are in its chain of scalings, or of its input."""
+    own = [name for name in channel.said if "/" in name or name in _OF_INPUT]
+    return Statements(channel.said, own)
 
 
 def _filled(signal: Signal, stored: NDArray[Any], start: int) -> NDArray[Any]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
@@ -128,6 +128,8 @@ class ChannelSetup:
         Segment of its samples, and their first bit and the bits from one to the next in a block.
     refused
         Reason why it cannot be decoded; empty if it can.
+    said
+        All properties of the channel.
     """
 
     name: str
@@ -141,6 +143,7 @@ class ChannelSetup:
     bit_offset: int
     bit_stride: int
     refused: str
+    said: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -212,7 +215,7 @@ def _channel(
     return ChannelSetup(
         name, said.get("Neon/PhysicalUnit", said.get("Unit", "")), sample_type.get("frequency", ""),
         sample_type.get("sample_format", ""), frequency_hz, gain, offset,
-        numbers["segment_id"], numbers["raw_offset"], numbers["raw_stride"], refused,
+        numbers["segment_id"], numbers["raw_offset"], numbers["raw_stride"], refused, said,
     )  # fmt: skip
 
 

@@ -30,6 +30,8 @@ _SOUND = 0.98
 _SIZES = (1e-7, 1e7)
 _SMOOTHER = 4.0
 """Factor by which whole numbers go by less from frame to frame in the right order of their bytes."""
+_CARRIES = 3
+"""Changes of the upper part of a number, of more than two bytes, by which it is known."""
 _HEAD_AND_SPACE = 16
 """Bytes in which a counter or a clock may stand: those at the beginning of the frame."""
 
@@ -72,7 +74,9 @@ class FrameFields:
         """Say what was found in each frame, and what was not, in a few words."""
         order = f"{self.framing['endian']} endian"
         kinds = [f"{len(self.values)} floating-point values"] if self.values else []
-        kinds += [f"{len(self.counts)} whole numbers of 16 bits, {order},"] if self.counts else []
+        for bits in (16, 24, 32):
+            of_size = [name for name in self.counts if name.startswith(f"i{bits}_")]
+            kinds += [f"{len(of_size)} whole numbers of {bits} bits, {order},"] if of_size else []
         counter = "a counter" if self.counter else "no counter"
         clock = "the device's clock" if self.clock else "no clock of the device"
         return f"{' and '.join(kinds)} in each frame, {counter}, {clock}"
@@ -130,7 +134,7 @@ class _Layout:
     @property
     def bytes_of_values(self) -> int:
         """Number of bytes in which values were found."""
-        return 4 * len(self.values) + 2 * len(self.counts)
+        return 4 * len(self.values) + sum(int(name[1:3]) // 8 for name in self.counts)
 
 
 def _layout(rows: Rows, start: int, stop: int, order: str) -> _Layout:
@@ -151,6 +155,10 @@ def _layout(rows: Rows, start: int, stop: int, order: str) -> _Layout:
             values.append(f"f32_at_{at}")
             fields.append({"name": values[-1], "at": at, "type": "f32"})
             at += 4
+        elif size := _wide_count(rows, at, stop, order):
+            counts.append(f"i{8 * size}_at_{at}")
+            fields.append({"name": counts[-1], "at": at, "type": f"i{8 * size}"})
+            at += size
         elif _is_count(rows, at, stop, order) and not (order == "big" and _is_count(rows, at + 1, stop, order)):
             counts.append(f"i16_at_{at}")
             fields.append({"name": counts[-1], "at": at, "type": "i16"})
@@ -227,6 +235,46 @@ def _is_value(rows: Rows, at: int, order: str) -> bool:
     sizes = np.abs(values[np.isfinite(values)])
     sound = np.count_nonzero((sizes == 0) | ((sizes > _SIZES[0]) & (sizes < _SIZES[1])))
     return bool(sound >= _SOUND * values.size and np.unique(values).size > max(FEWEST_ROWS // 4, values.size // 50))
+
+
+def _wide_count(rows: Rows, at: int, stop: int, order: str) -> int:
+    """Return the bytes, 4 or 3, of a whole number that stands there; 0 if none does.
+
+    Its upper part changes where its lower two bytes begin anew, so that the number as a whole goes on by little. Of
+    three bytes behind one that is always the same the four are such a number too, until it is below zero.
+    """
+    for size in (4, 3):
+        if at + size > stop or not _carries(rows, at, size, order):
+            continue
+        inner = at + 1 if order == "big" else at
+        if size == 4 and _carries(rows, inner, 3, order) and _rough(rows, inner, 3, order) < _rough(rows, at, 4, order):
+            if order == "little":
+                return 3
+            continue
+        return size
+    return 0
+
+
+def _carries(rows: Rows, at: int, size: int, order: str) -> bool:
+    """Return whether the upper part of a number changes where its lower two bytes begin anew."""
+    values = _wide(rows, at, size, order)
+    upper, steps = values >> 16, np.abs(np.diff(values))
+    changes = np.diff(upper) != 0
+    return bool(np.count_nonzero(changes) >= _CARRIES and np.mean(steps[changes] < 1 << 14) >= _COUNTS)
+
+
+def _rough(rows: Rows, at: int, size: int, order: str) -> float:
+    return float(np.abs(np.diff(_wide(rows, at, size, order))).mean())
+
+
+def _wide(rows: Rows, at: int, size: int, order: str) -> NDArray[np.int64]:
+    """Return signed numbers of so many bytes."""
+    part = rows[:, at : at + size]
+    part = part if order == "big" else part[:, ::-1]
+    whole = np.zeros(len(rows), dtype=np.int64)
+    for k in range(size):
+        whole = whole << 8 | part[:, k].astype(np.int64)
+    return np.where(whole >= 1 << (8 * size - 1), whole - (1 << (8 * size)), whole)
 
 
 def _is_count(rows: Rows, at: int, stop: int, order: str) -> bool:

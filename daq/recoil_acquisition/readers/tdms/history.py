@@ -33,7 +33,7 @@ _TEXT, _STAMP = 0x20, 0x44
 _FORMATS = {1: "b", 2: "h", 3: "i", 4: "q", 5: "B", 6: "H", 7: "I", 8: "Q", 9: "f", 10: "d", 0x19: "f", 0x1A: "d",
             0x21: "?"}  # fmt: skip
 _SIZES = {0: 0, 11: 16, 0x1B: 16, _STAMP: 16, 0x08000C: 8, 0x10000D: 16}
-_STATED = ("wf_", "unit_string", "NI_Scal", "NI_Number_Of_Scales")
+STATED = ("wf_", "unit_string", "NI_Scal", "NI_Number_Of_Scales")
 """Beginnings of the names of properties that say what samples are and when."""
 _PASSED_OVER = frozenset({"wf_samples"})
 _MOST_STEPS = 1_000_000
@@ -229,7 +229,7 @@ def _properties(meta: _Bytes) -> list[tuple[str, Any]]:
 
 
 def _is_of_samples(name: str) -> bool:
-    return name.startswith(_STATED) and name not in _PASSED_OVER
+    return name.startswith(STATED) and name not in _PASSED_OVER
 
 
 def _is_channel(path: str) -> bool:

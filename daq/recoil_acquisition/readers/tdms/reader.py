@@ -27,9 +27,10 @@ from recoil_acquisition.readers.bounded_file import BoundedFile
 from recoil_acquisition.readers.containers.stored_channels import container_recording, left_out_notes, note_on_starts
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.statements import Statements
 from recoil_acquisition.readers.tdms.channel import TdmsChannel, rejection_reason
 from recoil_acquisition.readers.tdms.group_times import GroupTimes
-from recoil_acquisition.readers.tdms.history import Stretch, TdmsStamp, how_it_ends, stretches_of
+from recoil_acquisition.readers.tdms.history import STATED, Stretch, TdmsStamp, how_it_ends, stretches_of
 from recoil_acquisition.readers.tdms.library import tdms_library
 from recoil_acquisition.readers.tdms.waveform import (
     ROUNDING,
@@ -96,13 +97,13 @@ def _recording(path: Path, tdms: Any, clock: str, incomplete: str) -> Recording:
     if timeless and not chosen:
         found = [*notes, *(f"{name}: {reason}" for name, reason in left_out.items())]
         raise ReadError("no time in this file", path=path, found="; ".join(found[:4]), remedy=TIME_REMEDY)
-    channels, start = _with_starts(path, chosen, notes, left_out)
-    metadata = {
-        "properties": _plain(tdms.properties),
-        "groups": {group.name: _plain(group.properties) for group in tdms.groups() if group.properties},
-    }
+    above = _plain(tdms.properties)
+    levels = {group.name: _plain(group.properties) for group in tdms.groups() if group.properties}
+    channels, start = _with_starts(path, chosen, notes, left_out, above, levels)
+    metadata = {"properties": above, "groups": levels}
+    rows = {one.label: one.channel.group_name for one in chosen if "wf_increment" in one.channel.properties}
     notes += left_out_notes(left_out)
-    return container_recording(path, TdmsReader.name, channels, metadata, notes, incomplete, start, left_out)
+    return container_recording(path, TdmsReader.name, channels, metadata, notes, incomplete, start, left_out, rows=rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +124,12 @@ def _time(
 
 
 def _with_starts(
-    path: Path, chosen: Sequence[_Chosen], notes: list[Remark], left_out: dict[str, str]
+    path: Path,
+    chosen: Sequence[_Chosen],
+    notes: list[Remark],
+    left_out: dict[str, str],
+    above: Mapping[str, Any],
+    levels: Mapping[str, Mapping[str, Any]],
 ) -> tuple[list[StoredChannel], AbsoluteStart | None]:
     """Shift channels by the differences of their starts; one without a start cannot be among several."""
     starts = [one.time.started for one in chosen if one.time.started is not None]
@@ -142,9 +148,11 @@ def _with_starts(
         unit = str(channel.properties.get("unit_string", ""))
         header = SignalHeader(one.label, unit, base.count, metadata={"properties": _plain(channel.properties)})
         stored = TdmsChannel(path, channel.group_name, channel.name)
-        channels.append(
-            StoredChannel(header, base, partial(stored.samples, time.kept), partial(stored.counts, time.kept, unit))
-        )
+        said = {**above, **levels.get(channel.group_name, {}), **_plain(channel.properties)}
+        used = [name for name in said if name.startswith(STATED)]
+        beside = Statements(said, used, np.dtype(channel.dtype).kind in "iu")
+        samples, counts = partial(stored.samples, time.kept), partial(stored.counts, time.kept, unit)
+        channels.append(StoredChannel(header, base, samples, counts, beside=beside))
     return channels, start
 
 

@@ -31,6 +31,7 @@ from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
+from recoil_acquisition.readers.statements import Statements
 from recoil_acquisition.readers.text.cells import (
     decimals,
     has_decimal_comma,
@@ -292,7 +293,16 @@ def _part(segment: _Segment, head: _FileHead, clock: str, path: Path) -> _Part:
     of_numbers = {*(source.column for source in sources), *(i for i in used if i not in block.text_columns)}
     store = ColumnStore(block, text_columns=[i for i in range(len(headings)) if i not in of_numbers], remedy=_REMEDY)
     recordings = [
-        column_recording(LvmReader.name, store, clock, headings, source, own, {})
+        column_recording(
+            LvmReader.name,
+            store,
+            clock,
+            headings,
+            source,
+            own,
+            {},
+            beside={i: Statements({key: segment.value(key, i) for key in segment.keys}, _KEYS) for i in own},
+        )
         for source, own in zip(sources, groups.values(), strict=True)
     ]
     counts = [count for i in used if (count := whole_number(stated[i])) is not None]
@@ -306,6 +316,10 @@ def _part(segment: _Segment, head: _FileHead, clock: str, path: Path) -> _Part:
     return _Part(tuple(recordings), start, zero_ns, segment.line, tuple(notes), lacks)
 
 
+_KEYS = frozenset(
+    {"Channels", "Samples", "Date", "Time", "Y_Unit_Label", "Y_Dimension", "X_Dimension", "X0", "Delta_X"}
+)
+"""Keys of a segment that the specification of the format has."""
 _SAME_STAMP_NS = 1000
 """Difference of two stamps of one beginning, ns: they are printed with more digits than any clock keeps."""
 _SAME_STEP = 1e-3

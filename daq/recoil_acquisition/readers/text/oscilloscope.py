@@ -48,6 +48,12 @@ from recoil_acquisition.remark import Note, NoteCode, Remark
 
 _SEPARATORS = (",", ";", "\t")
 _REMEDY = "save the waveform again"
+_APPLIED = frozenset(
+    {"verticalscale", "verticaloffset", "probeattenuation", "horizontalscale", "horizontaloffset", "hoffset", "voffset"}
+    | {"ydisprange", "ydisporg", "xdisprange", "xdisporg", "horizontalunits", "verticalunits", "xunits", "yunits"}
+    | {"xunit", "yunit", "hunit", "vunit"}
+)
+"""Keys of heads that are of the screen and the probe: the numbers below are in the stated unit."""
 _SAME_STEP = 1e-3
 """Relative difference of two statements of a step that are alike."""
 MOST_SEGMENTS = 1 << 20
@@ -93,7 +99,9 @@ def _table(
 ) -> WaveformTable:
     """Return the layout of rows with a column of time."""
     time = TimeSource(column, unit_s=unit_s, start=start, remedy=_REMEDY)
-    return WaveformTable(separator=separator, first_row=first_row, headings=headings, time=time, **more)
+    return WaveformTable(
+        separator=separator, first_row=first_row, headings=headings, time=time, applied=_APPLIED, **more
+    )
 
 
 def _stepped(
@@ -102,7 +110,9 @@ def _stepped(
     """Return the layout of rows whose head alone states their times."""
     rate_hz = rate_of_step(step_s)
     time = TimeSource(None, rate_hz=rate_hz, rate_origin="stated above the rows", start_s=start_s, remedy=_REMEDY)
-    return WaveformTable(separator=separator, first_row=first_row, headings=headings, time=time, **more)
+    return WaveformTable(
+        separator=separator, first_row=first_row, headings=headings, time=time, applied=_APPLIED, **more
+    )
 
 
 Lines: TypeAlias = Sequence[str]
@@ -206,7 +216,7 @@ def _segmented(
     channels = [
         StoredChannel(
             header, instants, partial(_read, rows, header.name),
-            overloads=partial(rows.overloads, header.name),
+            overloads=partial(rows.overloads, header.name), beside=rows.statements(header.name),
         )
         for header in signals
     ]  # fmt: skip

@@ -13,6 +13,7 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.overload import about_overload
 from recoil_acquisition.readers.own_rows import about_rows, own_rows
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
+from recoil_acquisition.readers.statements import NOTHING, Statements
 from recoil_acquisition.readers.text.cells import is_number, unique_names
 from recoil_acquisition.readers.text.column_store import ColumnStore
 from recoil_acquisition.readers.text.table_layout import TableLayout
@@ -61,8 +62,9 @@ def text_recording(
         time.remedy or None,
     )  # fmt: skip
     return column_recording(
-        reader, columns, clock, headings, time, own, metadata, stamps=stamps, notes=notes, declared=declared
-    )
+        reader, columns, clock, headings, time, own, metadata, stamps=stamps, notes=notes, declared=declared,
+        beside=dict.fromkeys(own, layout.statements(metadata)),
+    )  # fmt: skip
 
 
 def column_recording(
@@ -77,6 +79,7 @@ def column_recording(
     stamps: Stamps | None = None,
     notes: Sequence[Remark] = (),
     declared: Mapping[str, Any] = MappingProxyType({}),
+    beside: Mapping[int, Statements] = MappingProxyType({}),
 ) -> Recording:
     """Return the recording of some columns of a table that have one time, as `text_recording` does.
 
@@ -88,6 +91,8 @@ def column_recording(
         Columns of the recording; those that hold text are left out.
     stamps
         Stamps of the column of time; None if it holds none.
+    beside
+        Statements of the file on the numbers of each column.
     """
     block = columns.block
     written = block.format
@@ -117,6 +122,7 @@ def column_recording(
             table.instants,
             partial(table.columns.column, i),
             overloads=partial(table.overloads, i),
+            beside=beside.get(i, NOTHING),
         )
         for name, i in table.column_of.items()
     ]

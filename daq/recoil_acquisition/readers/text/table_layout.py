@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from recoil_acquisition.readers.statements import Statements, folded, statements_in
 from recoil_acquisition.readers.text.text_table import TextBlock, find_block
 from recoil_acquisition.readers.text.time_base import TimeSource
 from recoil_acquisition.readers.text_file import LongText
@@ -31,6 +32,8 @@ class TableLayout:
         Names of the columns in messages, where they are not those of the headings.
     text_columns
         Columns that hold no numbers; they are left out, as is the column of time.
+    applied
+        Names in the head, folded, of numbers that the rows have already, or that are of the screen alone.
     decimal_comma, missing, comment, thousands
         Format of the rows, as `recoil_acquisition.readers.text.text_table.find_block` takes it.
     """
@@ -42,6 +45,7 @@ class TableLayout:
     header_row: int | None = None
     labels: Sequence[str] = ()
     text_columns: Sequence[int] = ()
+    applied: Collection[str] = ()
     decimal_comma: bool = False
     missing: Sequence[str] = ()
     comment: str = ""
@@ -53,6 +57,11 @@ class TableLayout:
             file, file.line_start(self.first_row), self.separator, self.labels or [name for name, _ in self.headings],
             decimal_comma=self.decimal_comma, missing=self.missing, comment=self.comment, thousands=self.thousands,
         )  # fmt: skip
+
+    def statements(self, head: Mapping[str, Any]) -> Statements:
+        """Return what the lines above the rows say of the numbers in them."""
+        said = statements_in([*head.get("preamble", ()), head.get("header", "")])
+        return Statements(said, [name for name in said if folded(name) in self.applied])
 
     def head(self, lines: Sequence[str]) -> Mapping[str, Any]:
         """Return the lines of a file above the rows, as a recording keeps them."""

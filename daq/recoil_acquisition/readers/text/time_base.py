@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.row_counter import FEWEST_ROWS, CountedRows, counted_rows
+from recoil_acquisition.readers.row_counter import CountedRows, first_counter, over_gaps
 from recoil_acquisition.readers.text.column_store import ColumnStore
 from recoil_acquisition.readers.text.dewesoft_time import rate_from_stamps, spread_s
 from recoil_acquisition.readers.text.text_table import printed_decimals
@@ -148,7 +149,13 @@ def time_base(
             )
         base, note = source.uniform(columns.block.file.path, clock, rows), _row_number(source)
         counted = _counted(columns, counters)
-        return (base, (note,)) if counted is None else _by_counter(source, columns, clock, *counted, note)
+        if counted is None:
+            return base, (note,)
+        path, first_line = columns.block.file.path, columns.block.first_line
+        base, about = over_gaps(
+            *counted, partial(source.uniform, path, clock), path, lambda row: f"line {first_line + row}"
+        )
+        return base, (note, about)
     _check_complete(columns, source.column)
     if stamps is None:
         return _from_relative(source, columns, PrintedColumn(columns, source.column, source.unit_s or 1.0), clock)
@@ -163,37 +170,8 @@ def _row_number(source: TimeSource) -> Note:
 
 
 def _counted(columns: ColumnStore, counters: Mapping[str, int]) -> tuple[str, CountedRows] | None:
-    """Return the first column that counts the rows and does not always go on by one, by name."""
-    for name, column in counters.items():
-        if columns.lost[column] or counted_rows(columns.column(column, 0, 4 * FEWEST_ROWS)) is None:
-            continue
-        counted = counted_rows(columns.column(column))
-        if counted is not None and (counted.back is not None or counted.missing):
-            return name, counted
-    return None
-
-
-def _by_counter(
-    source: TimeSource, columns: ColumnStore, clock: str, name: str, counted: CountedRows, note: Note
-) -> tuple[TimeBase, tuple[Remark, ...]]:
-    """Leave the gaps between rows that their counter shows."""
-    path, first_line = columns.block.file.path, columns.block.first_line
-    if counted.back is not None:
-        raise CorruptFileError(
-            f"{name!r}, which counts the rows, begins anew: a second recording begins, or it was set back",
-            path=path, place=f"line {first_line + counted.back}", expected="one recording, which its rate dates",
-            remedy="take the recordings apart there, or export with a column of time",
-        )  # fmt: skip
-    whole = source.uniform(path, clock, int(counted.numbers[-1]) + 1)
-    step_s = whole.step_s or math.nan
-    jumps = counted.jumps
-    places = "1 place" if jumps.size == 1 else f"{jumps.size} places"
-    text = (
-        f"{name} counts the rows and jumps in {places}, first behind line {first_line + int(jumps[0])}: "
-        f"{counted.missing} rows are missing, and instants follow it"
-    )
-    times_s = whole.start_s + step_s * counted.numbers.astype(np.float64)
-    return TimeBase.stamped(clock, times_s, source.start), (note, Note(NoteCode.LOST, name, text))
+    whole = {name: partial(columns.column, i) for name, i in counters.items() if not columns.lost[i]}
+    return first_counter(whole, columns.block.row_count)
 
 
 def _check_complete(columns: ColumnStore, column: int) -> None:

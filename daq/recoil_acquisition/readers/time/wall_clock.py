@@ -67,6 +67,8 @@ def parse_wall_clock(cell: str) -> Stamp:
             raise ValueError(f"{text[:40]!r} is not a stamp yyyy-mm-dd hh:mm:ss or dd.mm.yyyy hh:mm:ss")
         day, month, year, *rest = match.groups()
     hour, minute, second, fraction, zone = rest
+    if second == "60":
+        raise ValueError(f"{text[:40]!r} is a leap second, behind which stamps cannot be counted: export relative time")
     instant = dt.datetime(int(year), int(month), int(day), int(hour), int(minute), int(second))
     return Stamp(instant, nanoseconds(fraction), len(fraction or ""), _zone(zone))
 
@@ -115,6 +117,14 @@ def _zone(text: str | None) -> str:
     if text.upper() in ("Z", "UTC"):
         return "UTC"
     return f"{text[:3]}:{text[-2:]}"
+
+
+def _ahead_s(zone: str) -> int:
+    """Return how much a zone as `Stamp` has it is ahead of UTC, s."""
+    if zone == "UTC":
+        return 0
+    hours, minutes = zone[1:].split(":")
+    return (3600 * int(hours) + 60 * int(minutes)) * (-1 if zone[0] == "-" else 1)
 
 
 class Stamps:
@@ -204,8 +214,13 @@ class Stamps:
     def _nanoseconds(self, stamp: Stamp) -> int:
         if self.first is None:
             self.first = stamp
+        ahead_s = 0
         if stamp.zone != self.first.zone:
-            raise ValueError(f"the zone changes from {self.first.zone} to {stamp.zone}")
+            if "unknown" in (stamp.zone, self.first.zone):
+                raise ValueError(f"the zone changes from {self.first.zone} to {stamp.zone}")
+            ahead_s = _ahead_s(stamp.zone) - _ahead_s(self.first.zone)
         self.resolution_s = min(self.resolution_s, 10.0**-stamp.decimals)
         whole = stamp.second - self.first.second
-        return (whole.days * 86400 + whole.seconds) * 1_000_000_000 + stamp.fraction_ns - self.first.fraction_ns
+        return (
+            (whole.days * 86400 + whole.seconds - ahead_s) * 1_000_000_000 + stamp.fraction_ns - self.first.fraction_ns
+        )

@@ -16,6 +16,7 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
+from recoil_acquisition.readers.statements import Statements, statements_in
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.faults import find_track_faults
@@ -122,11 +123,15 @@ def track_recording(table: TrackTable, declared: Declarations) -> Recording:
             remedy="export the features' positions, or declare `layout` of this source in the rig file",
         )
     names, repeats = unique_names([table.columns[i].name for i in at])
+    head = table.metadata.get("header", ())
+    lines = [head] if isinstance(head, str) else list(head)
+    beside = Statements({**statements_in(lines), **table.metadata.get("attributes", {})})
     channels = [
         StoredChannel(
             SignalHeader(name, table.columns[i].unit, len(table.values), metadata={"kind": table.columns[i].kind}),
             frame_times,
             partial(_samples, table.values, i),
+            beside=beside,
         )
         for name, i in zip(names, at, strict=True)
     ]

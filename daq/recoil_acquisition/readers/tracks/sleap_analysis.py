@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.hdf5.attributes import plain_attributes
 from recoil_acquisition.readers.hdf5.kind import is_in_file, is_sleap_file, names_beyond_head
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
@@ -119,7 +120,10 @@ def _table(file: Any, path: Path, size: int, declared: Declarations, reader: str
     values = np.concatenate(parts, axis=-1).reshape(count, -1)
     values[~np.isfinite(values)] = np.nan
     clock = counted_clock(np.arange(count, dtype=np.int64), declared.frame_rate_hz, path)
-    metadata = {"tracks": tracks, "nodes": nodes, "first_pixel": 0}
+    metadata = {
+        "tracks": tracks, "nodes": nodes, "first_pixel": 0,
+        "attributes": plain_attributes(file) | plain_attributes(file["tracks"]),
+    }  # fmt: skip
     return TrackTable(path, reader, tuple(columns), values, clock, metadata)
 
 

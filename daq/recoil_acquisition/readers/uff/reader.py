@@ -30,6 +30,7 @@ from recoil_acquisition.readers.containers.stored_time import StoredTime, resolu
 from recoil_acquisition.readers.containers.time_axis import axis_unit_s
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.statements import Statements, statements_in
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
 from recoil_acquisition.readers.uff.printed import printed_numbers
@@ -283,7 +284,9 @@ def _recording(path: Path, found: list[UffDataset | UnreadPart], clock: str) -> 
             name, data.unit, time.time_base.count,
             metadata={"header": list(data.lines), "label": data.label, "node": data.node, "direction": data.direction},
         )  # fmt: skip
-        channels.append(StoredChannel(header, time.time_base, partial(_samples, path, data, time.kept)))
+        texts = {f"line {number}": line for number, line in enumerate(data.lines[:_DATE_LINE], 1)}
+        beside = Statements(texts | statements_in(data.lines[: _DATE_LINE + 3]))
+        channels.append(StoredChannel(header, time.time_base, partial(_samples, path, data, time.kept), beside=beside))
     metadata = {"datasets": len(found)}
     start = _start([data for data, _ in chosen], notes)
     return container_recording(

@@ -20,6 +20,7 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.statements import Statements
 from recoil_acquisition.readers.wav.riff import (
     FLOAT,
     FORMAT,
@@ -123,6 +124,7 @@ def _open(path: Path, clock: str) -> Recording:
             base,
             partial(_samples, path, data.start, form, i),
             partial(_raw, path, data.start, form, i),
+            beside=Statements({**info, **broadcast}, ("time_reference",)),
         )
         for i in range(form.channels)
     ]

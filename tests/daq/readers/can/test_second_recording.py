@@ -17,10 +17,11 @@ from recoil_acquisition.readers.can.second_recording import second_begins
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import surest_claim
+from recoil_acquisition.remark import CautionCode
 from tests.builders.can_logs import can_csv, can_sqlite, trc_log
 from tests.builders.mdf_logs import bus_log
 from tests.builders.shared_data import shared_file
-from tests.builders.vendor_files import DBC, CanEntry, asc_log, blf_log, candump_log
+from tests.builders.vendor_files import DBC, CanEntry, asc_log, blf_log, can_entries, candump_log
 
 
 def entries(first: int, count: int = 6, from_ms: int = 100) -> list[CanEntry]:
@@ -200,3 +201,30 @@ def test_a_french_date_and_one_that_is_not_understood() -> None:
     log = read_asc("date Чт апр 16 13:59:01.000 2020\nbase hex  timestamps absolute\n 0.5 1 100 Rx d 0\n".encode())
     assert log.absolute_start is None
     assert any("when the log began is not understood: 'Чт апр 16" in note for note in log.notes)
+
+
+def asc_lines() -> list[str]:
+    return asc_log(can_entries()).decode().splitlines(keepends=True)
+
+
+def test_a_trigger_block_that_is_dated_apart_from_its_stamps_is_noted() -> None:
+    lines = asc_lines()
+    for date, noted in (("Tue Nov 14 23:13:20.250 2023", 1), ("Tue Nov 14 22:13:20.265 2023", 0)):
+        block = ["End TriggerBlock\n", f"Begin Triggerblock {date}\n"]
+        log = read_asc("".join([*lines[:40], *block, *lines[40:]]).encode())
+        told = [str(note) for note in log.notes if "its stamps go on from" in note]
+        assert len(told) == noted
+        assert all("line 42 is dated 2023-11-14T23:13:20.250, +3600 s from the first" in one for one in told)
+
+
+def test_a_frame_that_was_requested_and_sent_counts_once_and_a_name_is_no_damage() -> None:
+    plain = read_asc("".join(asc_lines()).encode())
+    twice = [
+        part for line in asc_lines() for part in ([line.replace(" Rx ", " TxRq "), line] if " Rx " in line else [line])
+    ]
+    log = read_asc("".join(twice).encode())
+    assert log.frames.key.tolist() == plain.frames.key.tolist()
+    assert log.metadata["other_kinds"]["TxRq"] == plain.frames.key.size
+    named = read_asc("".join(asc_lines()).replace(" 100 ", " Engine_1 ").encode())
+    assert named.metadata["damaged_entries"] == 0
+    assert [note.code for note in named.notes] == [CautionCode.UNKNOWN_ENTRIES]

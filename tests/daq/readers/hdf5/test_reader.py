@@ -7,6 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.hdf5.reader import Hdf5Reader
 from recoil_acquisition.readers.head import Head
@@ -315,6 +316,51 @@ def test_records_without_a_time_take_the_rate_that_is_stated_of_them(tmp_path: P
         file.create_dataset("table", data=np.zeros(12, [("a", "<f8")])).attrs["fs"] = 100.0
 
     assert opened(tmp_path, fill).time_base("table/a").step_s == 0.01
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_matrix_has_the_time_of_its_column_that_rises_or_that_beside_it(tmp_path: Path, turned: bool) -> None:
+    times_s = np.arange(40) * 2e-3
+    values = np.column_stack([np.sin(50 * times_s), times_s, np.cos(times_s)])
+
+    def fill(file: Any) -> None:
+        file["own"] = values.T if turned else values
+        group = file.create_group("g")
+        group["time"], group["m"] = times_s / 2, values[:, [0, 2]].T if turned else values[:, [0, 2]]
+
+    recording = opened(tmp_path, fill)
+    assert [one.name for one in recording.signals] == ["g/m/column_1", "g/m/column_2", "own/column_1", "own/column_3"]
+    assert recording.time_base("own/column_3").step_s == pytest.approx(2e-3)
+    assert recording.time_base("g/m/column_1").step_s == pytest.approx(1e-3)
+    np.testing.assert_array_equal(recording.read("own/column_3", 3, 7), values[3:7, 2])
+
+
+def test_times_since_a_date_are_dated_as_cf_has_it(tmp_path: Path) -> None:
+    def fill(file: Any) -> None:
+        file["a"] = ramp()
+        file.create_dataset("time", data=np.arange(12) * 5).attrs["units"] = "milliseconds since 2026-08-03 12:23:05"
+
+    recording = opened(tmp_path, fill)
+    assert recording.time_base("a").step_s == pytest.approx(5e-3)
+    assert recording.absolute_start == AbsoluteStart("2026-08-03T12:23:05", "unknown", "unit of the times")
+
+
+def test_a_starting_time_with_a_rate_dates_its_group_as_nwb_has_it(tmp_path: Path) -> None:
+    def fill(file: Any) -> None:
+        group = file.create_group("acquisition/pressure")
+        group["data"], group["starting_time"] = ramp(), 2.5
+        group["starting_time"].attrs.update({"rate": 1000.0, "unit": "seconds"})
+
+    base = opened(tmp_path, fill).time_base("acquisition/pressure/data")
+    assert (base.start_s, base.step_s) == (2.5, pytest.approx(1e-3))
+
+
+def test_every_code_of_a_lost_sample_counts(tmp_path: Path) -> None:
+    def fill(file: Any) -> None:
+        data = file.create_dataset("a", data=np.array([1.0, -999.0, 3.0, -9999.0, -1.0]))
+        data.attrs.update({"fs": 10.0, "unit": "V", "_FillValue": -999.0, "missing_value": [-9999.0, -1.0]})
+
+    np.testing.assert_array_equal(np.isnan(opened(tmp_path, fill).read("a")), [False, True, False, True, True])
 
 
 def test_samples_of_a_filter_that_is_not_at_hand_are_told_before_they_are_read(tmp_path: Path) -> None:

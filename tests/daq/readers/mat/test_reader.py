@@ -383,3 +383,12 @@ def test_reported_files_are_read(name: str) -> None:
     [signal] = recording.signals
     np.testing.assert_allclose(recording.read(signal.name), np.sin(50 * np.arange(100) / 1000), atol=1e-12)
     assert recording.time_base(signal.name).step_s == pytest.approx(1e-3)
+
+
+def test_numbers_and_texts_behind_a_name_are_of_that_variable_alone(tmp_path: Path) -> None:
+    said = {"acc_unit": "g", "p_gain": 2.0, "n_lsb": 0.5, "time_unit": "s"}
+    vectors = {"acc": ramp(20), "p": ramp(20), "n": np.arange(20, dtype=np.int16), "t": np.arange(20) / 100.0}
+    recording = open_bytes(None, "a.mat", tmp_path, mat_file({**vectors, **said}))
+    assert {one.name: one.unit for one in recording.signals} == {"acc": "g", "p": ""}
+    assert "p: the file states p_gain = 2: it is not applied" in recording.notes
+    assert "n: integers with the attribute n_lsb, whose meaning is open: left out" in recording.notes

@@ -78,6 +78,24 @@ def test_whole_numbers_of_two_bytes_are_found_with_their_byte_order(order: str) 
     assert np.array_equal(np.diff(series["device_time"].values), np.full(COUNT - 1, 1000.0))
 
 
+@pytest.mark.parametrize("order", ["little", "big"])
+def test_whole_numbers_of_three_and_four_bytes_are_found(order: str) -> None:
+    numbers = np.cumsum(RNG.integers(-9000, 9001, (COUNT, 2)), axis=0) + np.array([150_000, -90_000])
+    frames = [
+        bytes([20, k % 256]) + int(a).to_bytes(4, order, signed=True) + b"\x07" + int(b).to_bytes(3, order, signed=True)
+        for k, (a, b) in enumerate(numbers.tolist())
+    ]
+    content = b"".join(b"\xa5\x5a" + one + CHECKSUMS["crc16-ccitt-false"].of(one).to_bytes(2, order) for one in frames)
+    found = find_fields(look_into(content).framings[0].table, content)
+    assert found is not None
+    assert (found.framing["endian"], found.counts) == (order, ("i32_at_4", "i24_at_9"))
+    assert f"1 whole numbers of 24 bits, {order} endian, and 1 whole numbers of 32 bits" in found.found
+    framing = framing_from_table(found.framing)
+    series = {one.field.name: one for one in decode_fields(framing, find_frames(framing, content)).values()}
+    assert np.array_equal(series["i32_at_4"].values, numbers[:, 0])
+    assert np.array_equal(series["i24_at_9"].values, numbers[:, 1])
+
+
 def test_a_counter_and_a_clock_that_are_not_there_are_said() -> None:
     values = np.cumsum(RNG.standard_normal((COUNT, 2)), axis=0).astype(np.float32)
     bodies = [one.tobytes() for one in values]

@@ -67,8 +67,23 @@ def test_a_cell_that_is_unlike_its_neighbours_is_read_for_itself(cell, problem):
     assert caught.value.args[1] == 2 * LEAST_ALIKE
 
 
-def test_a_change_of_zone_is_named_with_its_row():
-    cells = [f"2026-08-03 12:00:{i // 20:02d}.{5 * (i % 20):02d}{'Z' if i < 40 else '+02:00'}" for i in range(60)]
+def test_stamps_of_several_zones_are_instants():
+    cells = [
+        "2026-08-03 12:00:00.5+01:00",
+        "2026-08-03 13:00:01+02:00",
+        "2026-08-03T11:00:02Z",
+        "2026-08-03 05:30:03-05:30",
+    ]
+    np.testing.assert_allclose(Stamps(parse_wall_clock).seconds(cells), [0.0, 0.5, 1.5, 2.5])
+
+
+def test_a_leap_second_is_called_that():
+    with pytest.raises(ValueError, match=r"is a leap second, .* export relative time"):
+        parse_wall_clock("2016-12-31 23:59:60.5Z")
+
+
+def test_a_change_to_an_unknown_zone_is_named_with_its_row():
+    cells = [f"2026-08-03 12:00:{i // 20:02d}.{5 * (i % 20):02d}{'Z' if i < 40 else ''}" for i in range(60)]
     with pytest.raises(ValueError, match="the zone changes from UTC to") as caught:
         Stamps(parse_wall_clock).seconds(cells)
     assert caught.value.args[1] == 40

@@ -228,3 +228,16 @@ def test_a_breech_gauge_whose_zero_moved_takes_no_momentum_from_the_brake(size_p
     assert one(found, "shot", "impulse").verdict == "ok"
     high = replace(shot, channels={**shot.channels, "p_brake": replace(brake, samples=1.15 * brake.samples)})
     assert one(checks(high, virtual.rig), "shot", "braking").verdict == "warn"
+
+
+def test_a_unit_of_a_file_that_is_none_warns_that_the_rigs_counts():
+    virtual = virtual_shot()
+    spec = next(one for one in virtual.rig.channels if one.source == "dewetron")
+    own = spec.model_copy(update={"unit": "MPa"})
+    rig = replace(virtual.rig, channels=tuple(own if c is spec else c for c in virtual.rig.channels))
+    for stated, warns in (("furlong", True), ("MPa", False), ("", False)):
+        recorder = ArrayRecording({spec.signal: np.ones(3)}, {spec.signal: stated}, path=Path("0001.csv"))
+        of_shot = checks(virtual.shot, rig, dewetron=recorder)
+        found = [c for c in of_shot if (c.channel, c.check) == (spec.name, "reader")]
+        assert [c.verdict for c in found] == ["warn"] * warns
+        assert all("'furlong', which is no known unit: the rig's 'MPa' counts" in c.detail for c in found)

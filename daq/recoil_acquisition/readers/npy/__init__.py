@@ -1,0 +1,1 @@
+"""NumPy arrays: their head, and the columns below it."""

@@ -1,0 +1,288 @@
+"""Statements of a file, or of what describes it, on a signal's samples, and what becomes of those that nobody used.
+
+A reader hands over with its samples all that stands beside them, and says which of it made them, their unit or their
+instants. What the rest of it may do to a number is decided here alone, by what its name says in any reader's format:
+
+    used      it made the samples, their unit or their instants: nothing to say
+    noted     it may change what the samples mean, and they are taken as they are
+    refused   the samples are stored integers, and it may scale or shift them: counts are no measurement
+
+A range is held against the samples as they are read. A factor of 1 and an offset of 0 change nothing.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.remark import Note, NoteCode, Remark
+
+MOST_SHOWN = 6
+"""Signals that a note names."""
+LONGEST_TEXT, LONGEST_LINE = 2000, 300
+"""Signs of a text, and of a line, that are looked at."""
+LONGEST = 80
+"""Signs of a statement that a note quotes."""
+_SCALES = (
+    "scale", "scaling", "skal", "factor", "faktor", "facteur", "gain", "slope", "sensitiv", "calib", "kalib", "multipl",
+    "conversion", "lsb", "coef", "perbit", "percount", "perdigit", "empfindlich",
+)  # fmt: skip
+"""Parts of names of what may be a factor, or one of a polynomial's numbers."""
+_SHIFTS = ("offset", "intercept", "bias", "zeropoint", "zerolevel", "nullpunkt")
+_RANGES = ("range", "fullscale", "limit", "minimum", "maximum", "bereich")
+_LOST = ("fillvalue", "missing", "nodata", "invalid", "undefined", "sentinel", "notavailable", "errorvalue")
+_INSTANTS = frozenset({"startoffset", "wfstartoffset", "timeoffset", "t0", "x0"})
+"""Names of offsets of instants, which a unit may stand behind."""
+_OF_TIME = (
+    "start", "time", "trigger", "utc", "zone", "sync", "wfx", "bit", "byte", "xunit", "bandwidth", "frequency", "rate",
+    "duration", "filter",
+)  # fmt: skip
+"""Parts of names of offsets, limits and units that are of instants, rates, or places in a file."""
+_OF_PEOPLE = ("date", "day", "year", "due", "serial", "number", "ident", "type", "status", "name", "by")
+"""Ends of names that say who calibrated what, and when: numbers of no factor."""
+_LEAST_WORDS, _MOST_WORDS = frozenset({"min", "low", "lower", "least"}), frozenset({"max", "high", "upper", "most"})
+_POLYNOMIAL = re.compile(r"[abckm]_?\d?", re.IGNORECASE)
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_NUMBER_AND_UNIT = re.compile(rf"\s*({_NUMBER})(?![\d.:-])\s*([^\d\s]\S*)?\s*")
+_LINE = re.compile(
+    rf"[\s#%/;*\"]*([^\W\d][^:=,;\t\"]{{0,60}}?)\"?\s*[:=,;\t]+\s*\"?({_NUMBER})(?![\d.:/-])\s*([^\d\s,;]*)"
+)
+_UNIT_LINE = re.compile(
+    r"[\s#%/;*\"]*((?:[^\W\d_][\w ]{0,30}[ _])?(?:units?|einheit))\"?\s*[:=,;\t]\s*\"?([^\s\",;]{1,20})[\",;\s]*",
+    re.IGNORECASE,
+)
+_IN_WORDS = re.compile(rf"(?i)\b\w{{0,20}}(?:{'|'.join(_SCALES + _SHIFTS)})\w{{0,20}}\W{{1,3}}(?:is |of |= )?{_NUMBER}")
+
+
+class StatementKind(StrEnum):
+    """Effect that a statement may have on numbers, by its name."""
+
+    SCALE = "scale"
+    SHIFT = "shift"
+    RANGE = "range"
+    LOST = "lost"
+    UNIT = "unit"
+    INSTANT = "instant"
+    """An offset of the instants."""
+    COEFFICIENT = "coefficient"
+    """A number by the name of a polynomial's, which it is beside integers alone."""
+    WORDS = "words"
+    """A text in which a factor or an offset stands."""
+
+
+_SCALING = frozenset({StatementKind.SCALE, StatementKind.SHIFT, StatementKind.COEFFICIENT})
+
+
+@dataclass(frozen=True)
+class Statement:
+    """One statement that may change what samples mean.
+
+    Attributes
+    ----------
+    name
+        Name that it has in the file.
+    numbers
+        Numbers that it states; empty where it states none.
+    text
+        Words in which a note quotes its value.
+    """
+
+    kind: StatementKind
+    name: str
+    numbers: tuple[float, ...]
+    text: str
+
+    @property
+    def is_neutral(self) -> bool:
+        """Whether it changes no number: a factor of 1, an offset of 0."""
+        neutral = {StatementKind.SCALE: 1.0, StatementKind.SHIFT: 0.0, StatementKind.INSTANT: 0.0}.get(self.kind)
+        return neutral is not None and self.numbers == (neutral,)
+
+
+@dataclass(frozen=True, eq=False)
+class Statements:
+    """All that stands beside a signal's samples.
+
+    Attributes
+    ----------
+    said
+        Values by the names that they have in the file: JSON types.
+    used
+        Names of those that made the samples, their unit or their instants.
+    of_integers
+        Whether the samples are stored integers, which only such a statement can make a measurement of.
+    """
+
+    said: Mapping[str, Any]
+    used: Collection[str] = ()
+    of_integers: bool = False
+
+    @cached_property
+    def open(self) -> tuple[Statement, ...]:
+        """Statements that nobody used and that may change what samples mean."""
+        found: list[Statement | None] = []
+        for name, value in self.said.items():
+            if name in self.used:
+                continue
+            found.append(statement_of(name, value))
+            if found[-1] is None and isinstance(value, str):
+                lines = statements_in(value[:LONGEST_TEXT].splitlines())
+                found += [statement_of(*one) for one in lines.items()] if lines else [_in_words(name, value)]
+        return tuple(dict.fromkeys(one for one in found if one is not None and not one.is_neutral))
+
+    @property
+    def scaling(self) -> str:
+        """Name of the first that may scale or shift the numbers; empty where none may."""
+        return next((one.name for one in self.open if one.kind in _SCALING), "")
+
+    @property
+    def refusal(self) -> str:
+        """Reason why the samples are no measurement; empty where they may be one."""
+        open_one = self.scaling if self.of_integers else ""
+        return f"integers with the attribute {open_one}, whose meaning is open" if open_one else ""
+
+    @cached_property
+    def limits(self) -> tuple[float, float] | None:
+        """Least and largest sample that are stated; None where none is, or both are the same."""
+        low, high = -np.inf, np.inf
+        for one in self.open:
+            if one.kind is not StatementKind.RANGE:
+                continue
+            words = set(_words(one.name))
+            if len(one.numbers) == 2:
+                low, high = max(low, min(one.numbers)), min(high, max(one.numbers))
+            elif (one.numbers and words & _LEAST_WORDS) or "minimum" in folded(one.name):
+                low = max(low, *one.numbers)
+            elif (one.numbers and words & _MOST_WORDS) or "maximum" in folded(one.name):
+                high = min(high, *one.numbers)
+            elif one.numbers:
+                low, high = max(low, -abs(one.numbers[0])), min(high, abs(one.numbers[0]))
+        return (float(low), float(high)) if low < high and (isfinite(low) or isfinite(high)) else None
+
+
+NOTHING = Statements({})
+"""Where a file says nothing beside the samples."""
+
+
+def statement_of(name: str, value: Any) -> Statement | None:
+    """Return what a name and a value may do to numbers; None where they do nothing to them."""
+    numbers, unit = _numbers_of(value)
+    text = f"{', '.join(f'{n:g}' for n in numbers[:4])}{' ..' if len(numbers) > 4 else ''} {unit}".strip()
+    kind = _kind_of(name, value, numbers)
+    return None if kind is None else Statement(kind, name, numbers, text or repr(_cut(str(value))))
+
+
+def statements_in(lines: Sequence[str]) -> dict[str, Any]:
+    """Return what the lines of a head state of numbers, each by the words before it."""
+    found: dict[str, Any] = {}
+    for line in lines:
+        match, unit = _LINE.match(line[:LONGEST_LINE]), _UNIT_LINE.fullmatch(line[:LONGEST_LINE])
+        if match is not None:
+            found.setdefault(match[1].strip(), f"{match[2]} {match[3]}".strip())
+        elif unit is not None:
+            found.setdefault(unit[1].strip(), unit[2])
+    return found
+
+
+def about_open(statements: Mapping[str, Statements]) -> list[Remark]:
+    """Return the notes on statements of some signals, by their names, that nobody used; of one of several, one note."""
+    several: dict[Statement, list[str]] = {}
+    passed_over = {StatementKind.RANGE, StatementKind.COEFFICIENT}
+    for label, beside in statements.items():
+        for one in beside.open:
+            if one.kind not in passed_over:
+                several.setdefault(one, []).append(label)
+    return [_note(one, labels) for one, labels in several.items()]
+
+
+def _in_words(name: str, text: str) -> Statement | None:
+    """Return a text in which a factor or an offset stands among words."""
+    found = _IN_WORDS.search(text[:LONGEST_TEXT])
+    return None if found is None else Statement(StatementKind.WORDS, name, (), repr(_cut(text)))
+
+
+def _note(one: Statement, labels: list[str]) -> Note:
+    more = f" and {len(labels) - MOST_SHOWN} more" if len(labels) > MOST_SHOWN else ""
+    named, about = ", ".join(labels[:MOST_SHOWN]) + more, labels[0] if len(labels) == 1 else None
+    what = {
+        StatementKind.LOST: "samples that are it are not taken for lost",
+        StatementKind.UNIT: "it is not taken for the unit",
+        StatementKind.INSTANT: "it is not added to the instants",
+        StatementKind.WORDS: "nothing of it is applied",
+    }.get(one.kind, "it is not applied")
+    code = NoteCode.LOST if one.kind is StatementKind.LOST else NoteCode.UNITS
+    return Note(code, about, f"{named}: the file states {one.name} = {one.text}: {what}")
+
+
+def outside(values: NDArray[np.float64], limits: tuple[float, float]) -> int:
+    """Count the samples that lie outside of stated limits."""
+    with np.errstate(invalid="ignore"):
+        return int(np.count_nonzero((values < limits[0]) | (values > limits[1])))
+
+
+def about_outside(label: str, count: int, of: int, limits: tuple[float, float]) -> Note:
+    """Return the note on samples outside of the range that the file states."""
+    text = (
+        f"{label}: {count} of {of} samples lie outside of the range that the file states, "
+        f"{limits[0]:.6g} to {limits[1]:.6g}: they are taken as they are"
+    )
+    return Note(NoteCode.CONTRADICTION, label, text)
+
+
+def _kind_of(name: str, value: Any, numbers: tuple[float, ...]) -> StatementKind | None:
+    short = folded(name)
+    words = _words(name)
+    if words and words[-1] in ("unit", "units", "einheit", "unitstring") and isinstance(value, str) and value.strip():
+        return None if _has(short, _OF_TIME) else StatementKind.UNIT
+    if not numbers or short.endswith(_OF_PEOPLE):
+        return None
+    if short in _INSTANTS or short.rstrip("muns") in _INSTANTS:
+        return StatementKind.INSTANT
+    if "fullscale" not in short and _has(short, _SCALES):
+        return StatementKind.SCALE
+    if _has(short, _OF_TIME):
+        return None
+    least_or_most = _LEAST_WORDS | _MOST_WORDS
+    if _has(short, _RANGES) or (least_or_most & set(words) and len(words) < 4):
+        return StatementKind.RANGE
+    if _has(short, _LOST):
+        return StatementKind.LOST
+    if _has(short, _SHIFTS):
+        return StatementKind.SHIFT
+    return StatementKind.COEFFICIENT if _POLYNOMIAL.fullmatch(name) else None
+
+
+def _numbers_of(value: Any) -> tuple[tuple[float, ...], str]:
+    """Return the finite numbers of a value and the unit behind them; none where it holds anything else."""
+    if isinstance(value, str):
+        match = _NUMBER_AND_UNIT.fullmatch(value)
+        return ((float(match[1]),), match[2] or "") if match and isfinite(float(match[1])) else ((), "")
+    values = value if isinstance(value, (list, tuple)) else [value]
+    if not all(isinstance(one, (int, float)) and not isinstance(one, bool) for one in values):
+        return (), ""
+    return (tuple(float(one) for one in values), "") if all(abs(one) < 1e300 for one in values) else ((), "")
+
+
+def folded(name: str) -> str:
+    """Return a name in small letters, letters and digits alone."""
+    return "".join(c for c in name.casefold() if c.isalnum())
+
+
+def _words(name: str) -> list[str]:
+    return re.findall(r"[a-zäöüßéè]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).casefold())
+
+
+def _has(short: str, parts: Sequence[str]) -> bool:
+    return any(part in short for part in parts)
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]} .."
