@@ -180,30 +180,49 @@ def test_an_answer_that_is_nested_too_deeply_is_told_in_a_line(done: Path, run: 
     assert "more than 32 levels" in line
 
 
+@pytest.fixture(scope="module")
+def logged(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A campaign of four shots with a shot log that nobody finds again, ``before/shotlog.csv``; not to be changed."""
+    folder = tmp_path_factory.mktemp("logged")
+    shots = campaign_of(ALTERNATING[:4], seed=4).shots
+    write_reports(folder / "reports", shots)
+    rows = (f"{one.name},{one.added_mass_kg:g},0.05,{k}\n" for k, one in enumerate(shots))
+    log = folder / "before" / "shotlog.csv"
+    log.parent.mkdir()
+    log.write_text("shot,added_mass_kg,u_added_mass_kg,charge\n" + "".join(rows), encoding="utf-8")
+    campaign(folder / "reports", log=log, out=folder / "campaign")
+    return folder
+
+
+def state_of_log(home: Path) -> dict[str, Any]:
+    """What is said of the shot log of an answer."""
+    (found,) = [one for one in explain(home / "campaign").files if one["file"].endswith("shotlog.csv")]
+    return found
+
+
 @pytest.mark.whole_way
 @pytest.mark.parametrize("place", [".", "shots", "campaign"])
-def test_a_campaign_finds_its_shot_log_beside_it(tmp_path: Path, place: str) -> None:
-    shots = campaign_of(ALTERNATING, seed=4).shots
-    write_reports(tmp_path / "reports", shots)
-    kept = tmp_path / "kept.csv"
-    rows = (f"{one.name},{one.added_mass_kg:g},0.05,{k}\n" for k, one in enumerate(shots))
-    kept.write_text("shot,added_mass_kg,u_added_mass_kg,charge\n" + "".join(rows), encoding="utf-8")
-    log = tmp_path / "before" / "shotlog.csv"
-    log.parent.mkdir()
-    shutil.copy(kept, log)
-    campaign(tmp_path / "reports", log=log, out=tmp_path / "campaign")
-    (gone,) = [one for one in explain(tmp_path / "campaign").files if one["file"].endswith("shotlog.csv")]
-    assert (gone["found"], gone["state"]) == (None, "not here: what it said is in the answer")
-    moved = tmp_path / place / "shotlog.csv"
+def test_a_campaign_finds_its_shot_log_beside_it(logged: Path, tmp_path: Path, place: str) -> None:
+    home = shutil.copytree(logged, tmp_path / "home")
+    moved = home / place / "shotlog.csv"
     moved.parent.mkdir(exist_ok=True)
-    log.rename(moved)
-    (found,) = [one for one in explain(tmp_path / "campaign").files if one["file"].endswith("shotlog.csv")]
+    (home / "before" / "shotlog.csv").rename(moved)
+    found = state_of_log(home)
     assert (Path(found["found"]), found["state"]) == (moved.resolve(), "as it was")
     assert found["sha256_now"] == found["sha256"]
-    moved.write_text(kept.read_text("utf-8") + "another,0,0,9\n", encoding="utf-8")
-    (since,) = [one for one in explain(tmp_path / "campaign").files if one["file"].endswith("shotlog.csv")]
-    assert since["state"] == "changed since, its rows of these shots are the same"
-    moved.write_text(kept.read_text("utf-8").replace("0.05,1\n", "0.05,7\n"), encoding="utf-8")
-    (since,) = [one for one in explain(tmp_path / "campaign").files if one["file"].endswith("shotlog.csv")]
-    assert since["state"] == f"changed since, and so are its rows of {shots[1].name}"
-    assert check_reports(tmp_path / "campaign", workers=1).again
+
+
+@pytest.mark.whole_way
+def test_what_became_of_the_shot_log_is_said_and_the_answer_comes_again_without_it(
+    logged: Path, tmp_path: Path
+) -> None:
+    home = shutil.copytree(logged, tmp_path / "home")
+    gone = state_of_log(home)
+    assert (gone["found"], gone["state"]) == (None, "not here: what it said is in the answer")
+    text = (home / "before" / "shotlog.csv").read_text("utf-8")
+    moved = home / "shotlog.csv"
+    moved.write_text(text + "another,0,0,9\n", encoding="utf-8")
+    assert state_of_log(home)["state"] == "changed since, its rows of these shots are the same"
+    moved.write_text(text.replace("0.05,1\n", "0.05,7\n"), encoding="utf-8")
+    assert state_of_log(home)["state"] == "changed since, and so are its rows of 0002"
+    assert check_reports(home / "campaign", workers=1).again
