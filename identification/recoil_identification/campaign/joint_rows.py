@@ -47,6 +47,8 @@ FEW = 0.2
 """Groups of shots that are alike, as a share of the shots, beyond which they are not put together."""
 LEAST_SHARE = 0.01
 """Share of the reference below which no recoiling mass is."""
+MOST_KEPT_BYTES = 1 << 24
+"""Of rows that were divided by a scatter, which a campaign's fits share: those of a hundred shots under all of them."""
 WEIGHED = ("{0:g} kg", "{0:g} kg (u {1:g} kg)", "{0!r} kg (u {1!r} kg)")
 """Spellings of a weight by its mass and uncertainty, the shortest first."""
 GAINS = (*(f"ln {role}" for role in PRESSURE_ROLES), LN_ACCELERATION)
@@ -280,9 +282,12 @@ class JointRows(ReadOnlyArrays):
 
     def whitened(self, scatter: Scatter) -> WhiteRows:
         """Divide the rows of each shot by the factor of their covariance."""
-        if scatter not in self._divided:
-            self._divided[scatter] = self._divide(scatter)
-        return WhiteRows(self, scatter, *self._divided[scatter])
+        divided = self._divided.get(scatter)
+        if divided is None:
+            divided = self._divide(scatter)
+            if len(self._divided) * self.triangle.nbytes < MOST_KEPT_BYTES:
+                self._divided[scatter] = divided
+        return WhiteRows(self, scatter, *divided)
 
     @cached_property
     def _divided(self) -> dict[Scatter, tuple[Array, Array, float]]:
