@@ -14,6 +14,8 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"
 """Of one engine, whose command line is the same."""
 BUDGET_MS, ATTEMPTS = 40_000, 3
 """Of the browser's own time at the first attempt, and how many there are, each with three times as much as the last."""
+LONGEST_S = 600
+"""That a browser may take for all pages that it is given, on a machine that others keep busy."""
 
 
 def find_browser() -> str | None:
@@ -74,7 +76,7 @@ def visit(
             f"--log-net-log={log}", "--window-size=1500,1000", f"--virtual-time-budget={BUDGET_MS * 3**attempt}",
             f"--blink-settings=preferredColorScheme={0 if dark else 1}", "--dump-dom", outer.as_uri(),
         ]  # fmt: skip
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True, encoding="utf-8")
+        done = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST_S, check=True, encoding="utf-8")
         told = re.search(r'<pre id="told">(.*?)</pre>', done.stdout, re.DOTALL)
         found = json.loads(html.unescape(told.group(1)) if told else "{}")
         if set(found) >= set(pages):
@@ -89,7 +91,7 @@ def print_page(browser: str, page: Path, sheets: Path) -> None:
         "--no-pdf-header-footer", f"--user-data-dir={sheets.with_suffix('')}", f"--virtual-time-budget={BUDGET_MS}",
         f"--print-to-pdf={sheets}", page.as_uri(),
     ]  # fmt: skip
-    subprocess.run(command, capture_output=True, timeout=120, check=True)
+    subprocess.run(command, capture_output=True, timeout=LONGEST_S, check=True)
 
 
 def _asked(log: Path) -> list[str]:

@@ -46,6 +46,8 @@ FEW = 0.2
 """Groups of shots that are alike, as a share of the shots, beyond which they are not put together."""
 LEAST_SHARE = 0.01
 """Share of the reference below which no recoiling mass is."""
+MOST_KEPT_BYTES = 1 << 24
+"""Of rows that were divided by a scatter, which a campaign's fits share: those of a hundred shots under all of them."""
 WEIGHED = ("{0:g} kg", "{0:g} kg (u {1:g} kg)", "{0!r} kg (u {1!r} kg)")
 """Spellings of a weight by its mass and uncertainty, the shortest first."""
 GAINS = (*(f"ln {role}" for role in PRESSURE_ROLES), LN_ACCELERATION)
@@ -213,15 +215,15 @@ class JointRows(ReadOnlyArrays):
         """Names of the added masses' errors."""
         return tuple(ErrorSource(SourceKind.ADDED_MASS, detail=name) for name in self.weighed)
 
-    @property
-    def all_unknowns(self) -> list[Unknown]:
+    @cached_property
+    def all_unknowns(self) -> tuple[Unknown, ...]:
         """All that the rows hang on."""
-        return [
+        return (
             *(Unknown(name, scope="rig", largest_step=LARGEST_STEP) for name in self.masses),
             *(Unknown(name, scope="rig") for name in self.added),
             *(Unknown(one.identity, scope="sensor" if one.is_sensor else "rig") for one in self.influences),
             *(Unknown(column.name, largest_step=LARGEST_STEP) for column in self.columns),
-        ]
+        )
 
     def priors(self, force: float = 1.0) -> list[Prior]:
         """Return the priors of all influences and added masses, each once and counted in its standard uncertainty.
@@ -231,6 +233,16 @@ class JointRows(ReadOnlyArrays):
         force
             Factor on what the rig states of the force that no gauge reads.
         """
+        if force not in self._priors:
+            self._priors[force] = self._stated(force)
+        return self._priors[force]
+
+    @cached_property
+    def _priors(self) -> dict[float, list[Prior]]:
+        """The priors by that factor: no scatter changes them."""
+        return {}
+
+    def _stated(self, force: float) -> list[Prior]:
         known: dict[str, float] = dict(zip(self.added, (1.0 if u > 0 else 0.0 for _, u in self.weights), strict=True))
         known |= {one.identity: force if one.is_shape else 1.0 for one in self.influences}
         exact = [Prior.of(name, name, 0.0) for name, u in known.items() if u == 0]
@@ -247,7 +259,10 @@ class JointRows(ReadOnlyArrays):
 
     def with_columns(self, columns: Sequence[Column]) -> JointRows:
         """Look for further unknowns."""
-        return replace(self, columns=tuple(columns))
+        found = replace(self, columns=tuple(columns))
+        # by what the rows are divided hangs on no column, and most of a campaign is fits with one more of them
+        vars(found)["_divided"] = self._divided
+        return found
 
     def without(self, number: int) -> JointRows | None:
         """Leave a shot out, by its place; None if it is the only one of its mechanism."""
@@ -266,6 +281,19 @@ class JointRows(ReadOnlyArrays):
 
     def whitened(self, scatter: Scatter) -> WhiteRows:
         """Divide the rows of each shot by the factor of their covariance."""
+        divided = self._divided.get(scatter)
+        if divided is None:
+            divided = self._divide(scatter)
+            if len(self._divided) * self.triangle.nbytes < MOST_KEPT_BYTES:
+                self._divided[scatter] = divided
+        return WhiteRows(self, scatter, *divided)
+
+    @cached_property
+    def _divided(self) -> dict[Scatter, tuple[Array, Array, float]]:
+        """The divided rows by what they were divided by."""
+        return {}
+
+    def _divide(self, scatter: Scatter) -> tuple[Array, Array, float]:
         n, k = self.seen.shape
         variances = np.tile([scatter.variance(name) for name in self.parameters], (n, 1))
         if UNREAD_SHARE in self.parameters:  # where a rig states it as exact it does not scatter
@@ -275,7 +303,7 @@ class JointRows(ReadOnlyArrays):
         factors = np.linalg.cholesky(covariance)
         rows = np.linalg.solve(factors, np.concatenate([self.triangle, self.seen[:, :, np.newaxis]], axis=2))
         log_determinant = 2.0 * float(np.log(np.diagonal(factors, axis1=1, axis2=2)).sum())
-        return WhiteRows(self, scatter, rows[:, :, :-1], rows[:, :, -1], log_determinant)
+        return rows[:, :, :-1], rows[:, :, -1], log_determinant
 
     def modelled(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Return the parameters of each shot, and their derivatives.

@@ -136,7 +136,7 @@ def expected(
     known = _Known.of([prior for prior in priors if not prior.exact], places)
     here = np.array([values[unknown.name] for unknown in unknowns])
     triangle, _, _ = _triangle(blocks, here, places)
-    left = np.linalg.solve(known.root, known.values - known.rows @ here)
+    left = known.left(here)
     free = np.array([unknown.name not in exact for unknown in unknowns])
     rows = np.vstack([triangle[:, :-1], known.whitened, np.diag(1.0 / limits)])[:, free]
     target = np.concatenate([triangle[:, -1], left, np.zeros(here.size)])
@@ -152,13 +152,14 @@ def expected(
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """All priors as one: rows about all unknowns, their values and covariance."""
+    """All priors as one: rows about all unknowns, their values and covariance, its root and that root's inverse."""
 
     rows: Array
     values: Array
     covariance: Array
     root: Array
     whitened: Array
+    inverse: Array
 
     @classmethod
     def of(cls, priors: Sequence[Prior], places: Mapping[str, int]) -> _Known:
@@ -171,12 +172,17 @@ class _Known:
             values[part], covariance[part, part] = prior.values, prior.covariance
             at = part.stop
         root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
-        return cls(rows, values, covariance, root, np.asarray(np.linalg.solve(root, rows), dtype=np.float64))
+        whitened = np.asarray(np.linalg.solve(root, rows), dtype=np.float64)
+        return cls(rows, values, covariance, root, whitened, np.asarray(np.linalg.inv(root), dtype=np.float64))
+
+    def left(self, values: Array) -> Array:
+        """Return what the values leave of the rows, over the root of their covariance."""
+        return np.asarray(self.inverse @ (self.values - self.rows @ values))
 
     def misfit(self, values: Array) -> float:
         """Return the sum of squares of the rows' residuals, over their covariance."""
-        whitened = np.linalg.solve(self.root, self.rows @ values - self.values)
-        return float(whitened @ whitened)
+        left = self.left(values)
+        return float(left @ left)
 
     def normalised(self, off: Array, covariance: Array) -> Array:
         """Return each row's residual over its own standard deviation: Baarda's w, of correlated observations too."""
@@ -238,7 +244,7 @@ def _triangle(blocks: Sequence[Block], values: Array, places: Mapping[str, int])
 
 def _solution(triangle: Array, known: _Known, values: Array, free: NDArray[np.bool_]) -> _Solution:
     """Solve for one step from the present values."""
-    left = np.linalg.solve(known.root, known.values - known.rows @ values)
+    left = known.left(values)
     rows = np.vstack([triangle[:, :-1], known.whitened])
     target = np.concatenate([triangle[:, -1], left])
     own = rows[:, free]

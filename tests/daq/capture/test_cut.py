@@ -197,12 +197,12 @@ def test_a_source_is_late_beyond_a_quarter_of_a_second(late_s: float, late: bool
 def test_a_shots_capture_holds_the_shots_share_of_a_stream_whatever_another_source_does(
     tmp_path: Path, of_the_bus: str
 ) -> None:
-    trigger, packet = Trigger((Edge("rate", -2.0, -3.0),), pre_s=0.3, post_s=0.7), serial_frame(0, 5.0) * 1000
+    trigger, packet = Trigger((Edge("rate", -2.0, -3.0),), pre_s=0.3, post_s=0.7), serial_frame(0, 5.0) * 250
     found_empty = {"steady": lambda t: t - 0.001, "busy": lambda _: 10.0, "stood still": lambda t: min(t, 10.0)}
     blocks = []
     for k in range(1000):
         t = 10.0 + 0.01 * k
-        content = packet if k < 500 else serial_frame(0, 1.0) * 1000
+        content = packet if k < 500 else serial_frame(0, 1.0) * 250
         blocks.append(replace(serial_block(t, content), empty_ns=round(1e9 * (t - 0.001))))
         if of_the_bus != "stood still" or not 0 < k < 600:
             frames = (can_record(t, 1.0, k),)

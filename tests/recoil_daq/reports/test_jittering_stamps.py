@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import datetime as dt
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,8 +39,10 @@ def test_jitter_of_the_recorders_stamps_hardly_moves_the_mass(name, tmp_path):
         "every second": lambda count: 0.008 * (np.arange(count) % 2),
     }
     estimates = {}
+    fired = simulate_shot(rig, tmp_path / "fired", seed=SEEDS[name], shot="s1").files
     for kind, late_steps in written.items():
-        files = simulate_shot(rig, tmp_path / kind, seed=SEEDS[name], shot="s1").files
+        (tmp_path / kind).mkdir()
+        files = [Path(shutil.copy(file, tmp_path / kind)) for file in fired]
         recorder = next(file for file in files if file.name == "s1_dewetron.csv")
         with_jitter(recorder, late_steps)
         ingested = ingest_files(rig, files, shot="s1", out=tmp_path / f"{kind} shots", on=dt.date(2026, 6, 1))

@@ -419,11 +419,11 @@ def an_index() -> str:
 
 
 def looked_at(written: dict[str, Path], how: str, widths: tuple[int, ...], **settings: Any) -> dict[str, Any]:
-    """What each page shows at each width; without its scripts unless they are waited for."""
+    """What each page shows at each width, all in one browser; without its scripts unless they are waited for."""
     browser = find_browser()
     if browser is None:
         pytest.skip("no browser of Chromium's kind on this machine: pages are not looked at")
-    found: dict[str, Any] = {}
+    places: dict[str, tuple[Path, int]] = {}
     waits = settings.pop("scripts", False)
     for name, path in written.items():
         text = path.read_text("utf-8")
@@ -432,10 +432,9 @@ def looked_at(written: dict[str, Path], how: str, widths: tuple[int, ...], **set
         if how == "print":  # what a sheet has stands on the screen, and what a screen has does not
             text = text.replace("@media print", "@media all").replace("@media screen", "@media not all")
         page.write_text(text, encoding="utf-8")
-        places = {f"{name}-{width}": (page, width) for width in widths}
-        script = MEASURE.replace("WAITS", "true" if waits else "false")
-        found |= visit(browser, places, script, folder=path.with_name(f"browser-{how}"), **settings)
-    return found
+        places |= {f"{name}-{width}": (page, width) for width in widths}
+    script = MEASURE.replace("WAITS", "true" if waits else "false")
+    return visit(browser, places, script, folder=next(iter(written.values())).parents[2] / f"browser-{how}", **settings)
 
 
 @pytest.fixture(scope="module")
@@ -458,8 +457,10 @@ def shut_in(written: dict[str, Path]) -> dict[str, Any]:
     figures = report_figures(identified("mixed"))[:1]
     page = render_page(a_report(), figures, standalone=True)
     alone = write_page(written["shot"].parents[2] / "alone" / "in", page, PAGE_NAME)
-    pages = {**written, "alone": alone}
-    return looked_at(pages, "shut", (1400, 390), scripts=True, sandbox="allow-scripts")
+    found: dict[str, Any] = {}
+    for name, path in {**written, "alone": alone}.items():  # a browser for each: their scripts take long
+        found |= looked_at({name: path}, f"shut-{name}", (1400, 390), scripts=True, sandbox="allow-scripts")
+    return found
 
 
 @pytest.mark.whole_way
