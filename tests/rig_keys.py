@@ -37,6 +37,7 @@ from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig_file import HEAD, SCHEMA
 from recoil_rigs.tables import issue, knowledge
 from recoil_rigs.tables import rig_tables as rig
+from recoil_rigs.tables.channel_table import ChannelSpec, GaugeAhead, Sensor
 from recoil_rigs.twin.line_settings import LineSettings
 from recoil_rigs.twin.readings import Readings
 from recoil_rigs.twin.recorder_settings import RecorderSettings
@@ -112,9 +113,9 @@ def page() -> str:
                 ("`poll`", framing.PollTable), ("`start_commands`, `stop_commands`", framing.CommandTable),
             )
         ),
-        section("`[[channel]]`", _text(rig.ChannelSpec), rows_of(rig.ChannelSpec)),
-        section("`[channel.sensor]`", "", rows_of(rig.Sensor)),
-        section("`gauge_ahead` of a breech gauge", _text(rig.GaugeAhead), rows_of(rig.GaugeAhead)),
+        section("`[[channel]]`", _text(ChannelSpec), rows_of(ChannelSpec)),
+        section("`[channel.sensor]`", "", rows_of(Sensor)),
+        section("`gauge_ahead` of a breech gauge", _text(GaugeAhead), rows_of(GaugeAhead)),
         _quantities(),
         section("`[report]`", _text(issue.Issue), rows_of(issue.Issue)),
         section("`[knowledge]`", _text(knowledge.Knowledge), rows_of(knowledge.Knowledge)),

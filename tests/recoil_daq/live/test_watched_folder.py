@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -63,7 +64,11 @@ def test_what_is_waited_for_and_where_is_said(tmp_path: Path, watched: bool) -> 
 
 def test_a_folder_that_is_no_misspelling_is_made(tmp_path: Path, rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[Path | None] = []
-    monkeypatch.setattr(acquisition, "_run", lambda _rig, options, *_: made.append(options.watch))
+    worker = SimpleNamespace(ask=lambda *_, **__: None, close=lambda: None)
+    monkeypatch.setattr(acquisition, "WarmWorker", lambda: worker)
+    monkeypatch.setattr(
+        acquisition, "LiveRange", lambda _, options, *__, **___: SimpleNamespace(run=lambda: made.append(options.watch))
+    )
     run_live(load_rig(rig), LiveOptions(tmp_path / "out", watch=tmp_path / "from-the-recorder"), Told())
     assert made == [tmp_path / "from-the-recorder"]
     with pytest.raises(ReadError, match="no such folder to watch"):

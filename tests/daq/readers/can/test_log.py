@@ -301,7 +301,11 @@ def test_asc_damage_is_counted() -> None:
         b"1.3 1 100 Rx r\n1.4 1 Engine Rx d 1 00\n1.5 CANFD 1 Rx 300 1 0 8 7 00\n1.6 1 100 Rx d 1 05\n"
     )
     assert log.frames.time_s.tolist() == [1.6]
-    assert (log.metadata["damaged_entries"], log.metadata["remote_frames"]) == (5, 1)
+    assert (log.metadata["damaged_entries"], log.metadata["remote_frames"]) == (4, 1)
+    # a name for an identifier is no damage
+    assert [str(one).split(" and ")[0] for one in log.notes if "name for" in str(one)] == [
+        "1 entries have a name for their identifier"
+    ]
 
 
 def test_blf_objects_that_are_no_data_frames_are_counted() -> None:
