@@ -285,7 +285,8 @@ def range_si(spec: ChannelSpec) -> tuple[float, float] | None:
 
 def _faults_of_role(channel: ChannelSpec) -> Iterator[Fault]:
     if channel.role and channel.role not in ROLES:
-        problem = f"unknown role {channel.role!r}; did you mean `{nearest_first(channel.role, list(ROLES))[0]}`?"
+        nearest = nearest_first(channel.role, list(ROLES))[0]
+        problem = f"unknown role {channel.role!r}; did you mean `{nearest}`?"
         yield Fault(("role",), problem, FaultCode.UNKNOWN)
     elif channel.role and channel.quantity in SI_UNITS and channel.quantity != ROLES[channel.role]:
         problem = f"role {channel.role!r} needs quantity {ROLES[channel.role]!r}, found {channel.quantity!r}"

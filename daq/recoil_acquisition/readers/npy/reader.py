@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError
 from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import (
     MOST_COLUMNS,
@@ -122,14 +122,16 @@ def _recording(path: Path, array: _Array, incomplete: str, clock: str) -> Record
     whole = {name: partial(array.read, k, 0, array.rows) for k, name in enumerate(array.names)}
     named = [name for name in array.names if unit_in_time_name(name) is not None]
     found, reason = (named[0], "") if len(named) == 1 else rising_column(whole)
+    # in the rows behind a cut the time may be the only column that rises
+    end = FileEnd.MISSING if incomplete else FileEnd.THERE
     if found is None:
-        raise ReadError("no time in this array", path=path, found=reason, remedy=_REMEDY)
+        raise ReadError("no time in this array", path=path, found=reason, remedy=_REMEDY, file_end=end)
     unit = unit_in_time_name(found) or ""
     if not unit:
         notes.append(Note(NoteCode.TIME, found, f"{found}: states no unit: read as seconds"))
     time = time_from_vector(clock, whole[found](), (time_unit_s(unit) if unit else None) or 1.0, found, notes)
     if isinstance(time, str):
-        raise ReadError("no time in this array", path=path, found=time, remedy=_REMEDY)
+        raise ReadError("no time in this array", path=path, found=time, remedy=_REMEDY, file_end=end)
     channels = []
     for k, name in enumerate(array.names):
         if name == found:
