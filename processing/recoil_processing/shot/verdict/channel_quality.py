@@ -108,7 +108,10 @@ def check_channel(
     if not by_camera:
         yield Check.LOSSES, check_losses(samples, channel.time_base.rate_hz, channel.overloads)
         limits, shown = range_si(spec), _shown(samples, own)
-        code = find_lost_code(shown, None if limits is None else tuple(_shown(limits, own).tolist()))
+        # a pulse that triggers or exposes has two levels, and may stand at the recorder's end: that is no code
+        is_pulse = channel.quantity == "voltage"
+        ends = None if limits is None else tuple(_shown(limits, own).tolist())
+        code = None if is_pulse else find_lost_code(shown, ends)
         broken = code or find_word_overflow(shown)
         if broken is not None:
             # its range, its polarity and its spectrum say nothing of what it measured

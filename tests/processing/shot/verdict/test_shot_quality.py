@@ -151,6 +151,21 @@ def test_a_constant_channel_that_a_clock_is_aligned_by_fails():
     assert one(found, "imu_acc_x", "constant").verdict == "fail"
 
 
+def test_a_code_of_a_sensor_is_named_and_the_level_of_a_trigger_pulse_is_none():
+    coded = noisy_shot().channels["p_brake"].samples.copy()
+    coded[40:60] = -9999e6
+    assert one(checks(noisy_shot(p_brake=coded), bench_rig()), "p_brake", "code").verdict == "fail"
+    table = '[[channel]]\nname = "sync"\nsource = "recorder"\nsignal = "sync"\nquantity = "{}"\n'
+    shot = noisy_shot()
+    samples = np.where(np.arange(NOISE.size) % 300 < 40, 5.0, 0.01 * NOISE)
+    for quantity, expected in (("voltage", []), ("temperature", ["warn"])):
+        sync = replace(shot.channels["p_brake"], name="sync", quantity=quantity, role="", samples=samples)
+        found = checks(
+            replace(shot, channels={**shot.channels, "sync": sync}), bench_rig(tables=table.format(quantity))
+        )
+        assert [c.verdict for c in found if (c.channel, c.check) == ("sync", "code")] == expected
+
+
 @pytest.mark.parametrize("left", [0, 5])
 def test_a_channel_without_samples_fails(left):
     lost = np.full(NOISE.size, np.nan)
