@@ -50,12 +50,24 @@ class Learnt:
         Error of the influence, in its unit, and the standard uncertainty that is left of it.
     normalised_residual
         Normalised residual of what was known before.
+    moves_kg
+        By how much the mass would change if that had not been known.
     """
 
     influence: Influence
     value: float
     u: float
     normalised_residual: float
+    moves_kg: float = 0.0
+
+    @property
+    def alone(self) -> float:
+        """Error that all else says it has, as if nothing had been known of it, in the standard uncertainties stated.
+
+        With x the error in them, v its variance and ``w = x / sqrt(1 - v)`` the normalised residual it is
+        ``x / (1 - v) = w^2 / x``.
+        """
+        return self.normalised_residual**2 * self.influence.u / self.value if self.value else 0.0
 
 
 @dataclass(frozen=True)

@@ -137,6 +137,20 @@ class JointFit(ReadOnlyArrays):
         mass_kg = self.rows.reference_kg * math.exp(self.value(name))
         return mass_kg, mass_kg * self.u(name)
 
+    def moves_kg(self, mechanism: str, source: str) -> float:
+        """Return by how much a mechanism's mass would change if nothing had been known of an influence or a weight.
+
+        Of one value more that is seen as x with the variance v and forgotten, everything else moves by its covariance
+        with it times ``x / (1 - v)``, both in the standard uncertainty that was stated.
+        """
+        estimate = self.likeliest.estimate
+        if not estimate.normalised_residual(source):  # nothing else tells of it
+            return 0.0
+        name = self.rows.masses[self.rows.mechanisms.index(mechanism)]
+        place, at = self.names.index(name), self.names.index(source)
+        alone = estimate.normalised_residual(source) ** 2 / estimate.value(source)
+        return self.mass_kg(mechanism)[0] * float(estimate.covariance[place, at]) * alone
+
     def difference_kg(self, mechanism: str, other: str) -> tuple[float, float]:
         """Return by how much one mechanism's mass exceeds another's, and the standard uncertainty of that.
 

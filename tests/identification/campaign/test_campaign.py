@@ -20,9 +20,9 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.remark import ReasonCode
-from recoil_identification.campaign.campaign import Learnt
+from recoil_identification.campaign.campaign import Estimated, Learnt
 from recoil_identification.campaign.campaign_shot import CampaignShot, in_order
-from recoil_identification.campaign.combination import combine, contradictions
+from recoil_identification.campaign.combination import combine, contradictions, without_consequence
 from recoil_identification.campaign.influence import Influence, source_of
 from recoil_identification.report.content import campaign_tables
 from recoil_identification.report.document.campaign_document import campaign_document, campaign_table
@@ -165,6 +165,53 @@ def test_another_gauge_that_is_off_is_named_by_itself() -> None:
     (one,) = contradictions([learnt(*SHARE, 1.0), learnt(*BREECH, -1.0), learnt(*BRAKE)])
     assert one.about == "brake_pressure scale, sensor 4712"
     assert "share" not in one
+
+
+def test_by_how_much_a_gauge_is_off_is_told_as_if_nothing_had_been_stated_of_it() -> None:
+    # a certificate of .4 % holds it at -.82 of its u; the rest alone says -16.7 of them
+    brake = Learnt(Influence(BRAKE[0], source_of(BRAKE[0]), 0.004), -0.82 * 0.004, 0.00391, -3.7, moves_kg=9.2)
+    (one,) = contradictions([brake])
+    assert "it is off by -16.7 of its standard uncertainties (-6.7 %) if they are right" in one
+    assert one.endswith("without what is known of it the mass changes by +9.2 kg")
+
+
+MASS = Estimated(788.0, 5.0)
+
+
+def test_what_is_contradicted_speaks_against_the_mass_only_if_it_moves_it() -> None:
+    def late(moves_kg: float, identity: str = "rig:mixed:recuperator_pressure delay") -> Learnt:
+        return Learnt(Influence(identity, source_of(identity), 2e-5, "s"), 4.8e-6, 1.99e-5, 4.24, moves_kg)
+
+    assert without_consequence([late(2.4)], MASS)
+    assert not without_consequence([late(2.6)], MASS)
+    # each alone would not, both together do
+    assert not without_consequence([late(2.4), late(-2.4, "rig:mixed:friction")], MASS)
+    # a certificate is one, and what drives is the mass's own scale
+    assert not without_consequence([late(0.1, BRAKE[0])], MASS)
+    assert not without_consequence([late(0.1, SHARE[0])], MASS)
+
+
+@pytest.mark.whole_way
+def test_what_the_mass_moves_by_without_a_certificate_is_what_a_fit_without_it_finds() -> None:
+    moved = {(i, "ln brake_pressure"): 0.012 for i in range(8)}
+    shots = campaign_of((0.0, 120.0) * 4, seed=4, moved=moved).shots
+    found = combine(shots)
+    (brake,) = [one for one in found.common if one.influence.source.of == "brake_pressure"]
+    forgotten = combine([_with_wide(shot, "brake_pressure") for shot in shots])
+    # to first order, under the likeliest scatter
+    moved_kg = forgotten.mass.mass_kg - found.mass.mass_kg
+    assert brake.moves_kg == pytest.approx(moved_kg, rel=0.35)
+    (wide,) = [one for one in forgotten.common if one.influence.source.of == "brake_pressure"]
+    assert brake.alone * brake.influence.u == pytest.approx(wide.value, rel=0.05)
+
+
+def _with_wide(shot: CampaignShot, role: str) -> CampaignShot:
+    """State nothing of a sensor."""
+    parameters = tuple(
+        replace(one, influences=tuple((name, 1e3 * u if role in name else u) for name, u in one.influences))
+        for one in shot.summary.parameters
+    )
+    return replace(shot, summary=replace(shot.summary, parameters=parameters))
 
 
 @pytest.mark.whole_way
