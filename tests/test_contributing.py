@@ -71,6 +71,7 @@ def test_the_reader_keeps(rule: Callable[[conformance.Case, Path], None], vbox_r
 def test_the_reader_is_the_one_that_knows_its_file_and_dates_its_rows(vbox_reader: Reader, tmp_path: Path) -> None:
     (tmp_path / "a.vbo").write_bytes(vbox())
     assert table.recognise(tmp_path / "a.vbo") is vbox_reader
+    assert recipe("reader")["VboxReader"].name == vbox_reader.name
     recording = vbox_reader.open(tmp_path / "a.vbo", Declarations("recorder"))
     assert [(one.name, one.unit) for one in recording.signals if one.unit] == [("velocity", "km/h"), ("height", "m")]
     base = recording.time_base("velocity")

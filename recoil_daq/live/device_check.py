@@ -16,6 +16,7 @@ from recoil_acquisition.arrays import Array
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples, LiveSource, open_source, signals_of
 from recoil_acquisition.devices.device import EVENT, Block, Counters
 from recoil_acquisition.devices.reader_thread import DeviceReader
+from recoil_acquisition.devices.tick_clock import START_S
 from recoil_acquisition.errors import DeviceError, RecoilDaqError
 from recoil_acquisition.quality_check import Verdict
 from recoil_daq.live.sensor_range import allowed
@@ -28,7 +29,8 @@ from recoil_rigs.twin.player import TwinPlayer
 from recoil_rigs.twin.range_day import is_virtual_rig
 
 LISTEN_S = 5.0
-SETTLE_S = 0.3
+SETTLE_S = START_S + 0.1
+"""Nothing is dated before a clock of ticks has begun; what an adapter had queued comes within it, too."""
 LEAST_SAMPLES = 8
 NEAR_RANGE = 0.95
 """Share of half its range, beyond which no sensor stands at rest."""
@@ -142,7 +144,6 @@ def _listen(
         for reader in readers.values():
             reader.start()
         progress(f"{listen_s:g} s")
-        # what an adapter had queued before comes at once, and would make the rate too high
         time.sleep(SETTLE_S)
         begins_ns = time.monotonic_ns()
         time.sleep(listen_s)
@@ -153,6 +154,10 @@ def _listen(
                 reader.stop()
             except DeviceError as error:
                 heard.append(ChannelHeard(name, "", "", 0.0, None, None, "fail", str(error)))
+            if (stopped := reader.error) is not None:
+                said = str(stopped) if isinstance(stopped, RecoilDaqError) else f"{type(stopped).__name__}: {stopped}"
+                finding = f"its device has stopped: {said}"
+                heard.append(ChannelHeard(name, "", "", 0.0, None, None, "fail", finding))
     span_ns, samples = (begins_ns, ends_ns), _Samples()
     for s in sources:
         if s.name in readers:
@@ -194,19 +199,20 @@ def _judged(
     source: LiveSource, blocks: Sequence[Block], span_ns: tuple[int, int], counters: Counters, heard_of: _Samples
 ) -> list[ChannelHeard]:
     """Judge the channels of a source; their samples are added to `heard_of`."""
-    try:
-        signals = signals_of(source, source.channels)
-    except RecoilDaqError as error:
-        return [ChannelHeard(source.name, "", "", 0.0, None, None, "fail", str(error))]
     within = [block for block in blocks if span_ns[0] <= block.host_ns < span_ns[1]]
     anything = any(block.kind != EVENT for block in within)
-    for block in blocks:
-        is_within = span_ns[0] <= block.host_ns < span_ns[1]
-        for samples in signals.feed(block):
-            if is_within:
-                heard_of[samples.channel].append(samples)
+    try:
+        with source.live_kind.at_work():
+            signals = signals_of(source, source.channels)
+            for block in blocks:
+                fed = signals.feed(block)
+                if span_ns[0] <= block.host_ns < span_ns[1]:
+                    for samples in fed:
+                        heard_of[samples.channel].append(samples)
+            stamped = signals.stamped_by([block for block in within if block.is_data])
+    except RecoilDaqError as error:
+        return [ChannelHeard(source.name, "", "", 0.0, None, None, "fail", str(error))]
     listened_s = (span_ns[1] - span_ns[0]) / 1e9
-    stamped = signals.stamped_by([block for block in within if block.is_data])
     heard = []
     for channel in source.channels:
         values = heard_of.of(channel.name)

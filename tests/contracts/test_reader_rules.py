@@ -61,7 +61,8 @@ def test_every_reader_has_a_case() -> None:
 def test_every_reader_is_given_one_of_each_statement_too_many() -> None:
     given = {case.reader.name for case in (*CASES, *DECLARED_CASES) if set(case.too_many) == set(rules.STATEMENTS)}
     wanted = {case.reader.name for case in (*CASES, *DECLARED_CASES)}
-    assert given == wanted
+    where = "tests/builders/statements_too_many.py, a line of _WRITERS by the case's name"
+    assert given == wanted, f"without a statement too many: {wanted - given}; add it in {where}"
     carried = [one for case in CASES for one in case.too_many.values() if not isinstance(one, str)]
     assert len(carried) > 4 * len(wanted)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import re
 import socket
 import time
 import tomllib
@@ -22,12 +23,14 @@ from recoil_acquisition.capture.status import SourceStatus
 from recoil_acquisition.clocks.host_clock import anchor
 from recoil_acquisition.devices.device import Device
 from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
-from recoil_acquisition.errors import ReadError, RigError
+from recoil_acquisition.errors import DeviceError, ReadError, RigError
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.record import Kind
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.trigger import Edge, ShotWindow, Trigger
+from recoil_daq.live import device_check
+from recoil_daq.live.device_check import ChannelHeard, check_devices
 from recoil_daq.recording.ingest import match_sources
 from recoil_rigs.rig import Rig, load_rig, parse_rig
 from recoil_rigs.shots.live_sources import live_sources, told_by
@@ -130,14 +133,57 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> Day:
 
 
 def test_a_recorder_cannot_be_read_live_where_no_package_does() -> None:
-    with pytest.raises(RigError, match="a dewetron source has no `device`: its files are handed over"):
+    with pytest.raises(RigError, match="its files are handed over after the shot, and no package that reads one live"):
         with_wind()
+
+
+@pytest.mark.usefixtures("lines")
+@pytest.mark.parametrize(
+    ("member", "raised", "says"),
+    [
+        (
+            "__init__",
+            KeyError("unit"),
+            "the live kind 'lines' of another package does not work; found KeyError: 'unit'",
+        ),
+        ("read", DeviceError("the server closed the connection"), "its device has stopped: the server closed"),
+        ("read", KeyError("boom"), "its device has stopped: KeyError: 'boom'"),
+    ],
+)
+def test_a_device_of_another_package_that_does_not_work_fails_the_check(monkeypatch, member, raised, says) -> None:
+    def fails(*_: object) -> None:
+        raise raised
+
+    monkeypatch.setattr(LinesDevice, member, fails)
+    monkeypatch.setattr(device_check, "SETTLE_S", 0.0)
+    found = [one for one in checked_wind() if one.channel == ""]
+    assert [one.verdict for one in found] == ["fail"]
+    assert says in found[0].finding
+
+
+@pytest.mark.usefixtures("lines")
+def test_signals_of_another_package_that_do_not_work_fail_the_check(monkeypatch) -> None:
+    def fails(*_: object) -> None:
+        raise ValueError("invalid literal for int() with base 10: 't_ms'")
+
+    monkeypatch.setattr(recoil_lines.LinesSignals, "__init__", fails)
+    monkeypatch.setattr(device_check, "SETTLE_S", 0.0)
+    (found,) = checked_wind()
+    assert found.verdict == "fail"
+    assert "found ValueError: invalid literal" in found.finding
+
+
+def checked_wind() -> list[ChannelHeard]:
+    """What `check --devices` says of the example package's source alone."""
+    mixed = load_rig("mixed")
+    text = re.sub(r"device = \{ virtual[^}]*\}", "", mixed.text).replace('channel = "p_brake"  ', 'channel = "wind"  ')
+    return list(check_devices(parse_rig(text + DECLARED, mixed.path, mixed.databases), listen_s=0.1))
 
 
 @pytest.mark.usefixtures("lines")
 def test_a_device_of_another_key_than_the_packages_is_refused() -> None:
     mixed = load_rig("mixed")
-    with pytest.raises(RigError, match="a dewetron source has no `device`"):
+    with pytest.raises(RigError, match=r"has `linnes`, .*, of which none chooses a kind: there is `lines`, as { lines"):
         parse_rig(mixed.text + DECLARED.replace("lines = 0,", "linnes = 0,"), mixed.path, mixed.databases)
 
 

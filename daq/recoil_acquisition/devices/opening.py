@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from typing import Any
 
 from recoil_acquisition.devices.declarations import DeviceDeclarations
@@ -77,7 +78,11 @@ def open_device(source: str, kind: str, table: Mapping[str, Any] | None, **optio
     ------
     DeviceError
         In one line: what is wrong (unknown interface, missing port, permission, in use), and what to do.
+    IdentificationError
+        In one line, if a kind of another package does not work.
     """
-    device = make_device(source, kind, table, **options)
-    device.open()
+    live = live_kind_of(kind, table)
+    with nullcontext() if live is None else live.at_work():
+        device = make_device(source, kind, table, **options)
+        device.open()
     return device

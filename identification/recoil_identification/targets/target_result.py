@@ -30,7 +30,7 @@ class Quantity:
     name
         Name in words, for example ``stiffness of the elevating gear``.
     symbol
-        Key in the report, for example ``k_elevating``.
+        Letters of formulas and tables, for example ``k_elevating``; in documents the name is the key.
     value, u
         NaN for the value where it was not identified.
     basis

@@ -29,6 +29,8 @@ USUAL = "butterworth"
 FILTERS: Mapping[str, LowPassFilter] = MappingProxyType({USUAL: LowPass(1.0)})
 """Name on the command line -> filter, whose cut-off is replaced."""
 
+_MEMBERS = sorted({name for one in LowPassFilter.__mro__ for name in vars(one) if not name.startswith("_")})
+
 _TRIED_HZ, _TRIED_RATE_HZ, _TRIED_SAMPLES = 100.0, 10_000.0, 2001
 _TRIED_TO = 1e-6
 _GAIN_TO = 5e-3
@@ -56,7 +58,8 @@ def filter_of(name: str) -> LowPassFilter:
     found = OthersFilter(name, named(GROUP, name))
     with found.at_work():
         if not isinstance(found.own, LowPassFilter):
-            raise TypeError(f"{type(found.own).__name__} lacks members of LowPassFilter")
+            lacking = [name for name in _MEMBERS if not hasattr(found.own, name)]
+            raise TypeError(f"{type(found.own).__name__} has no {', '.join(lacking)}: see LowPassFilter")
         require_low_pass(found)
     return found
 

@@ -29,7 +29,13 @@ def find_reports(place: str | Path) -> list[Path]:
         return [place]
     found = reports_in(place)
     if not found:
-        raise ReadError("no report in this folder", path=place, expected=f"a {REPORT_FILE}, or folders with one each")
+        targets = targets_in(place)
+        raise ReadError(
+            "no report in this folder",
+            path=place,
+            expected=f"a {REPORT_FILE}, or folders with one each",
+            remedy=f"name the target's own file: {', '.join(map(str, targets))}" if targets else None,
+        )
     return found
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import fnmatch
 import re
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
@@ -16,7 +17,7 @@ from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, P
 from recoil_acquisition.devices.can_device import delivers_several_buses
 from recoil_acquisition.errors import Fault, FaultCode, FramingError
 from recoil_acquisition.frames.declaration import framing_from_table
-from recoil_acquisition.live_kind import live_kind_of
+from recoil_acquisition.live_kind import live_kind_of, live_kinds
 from recoil_acquisition.readers.can.buses import bus_number
 from recoil_acquisition.readers.text.layout import TextLayout
 from recoil_acquisition.readers.tracks.layout import TrackLayout
@@ -248,7 +249,7 @@ class Source(DeclaredTable):
         if isinstance(self.align, ExposureAlignment) and self.kind != "camera":
             faults.append(f"a {self.kind} source has no exposures to be aligned by")
         if self.device is not None and live_kind_of(self.kind, self.device) is None:
-            faults.append(f"a {self.kind} source has no `device`: its files are handed over after the shot")
+            faults.append(_no_live_kind(self.kind, self.device))
         if self.match is not None and self.match.count(SHOT_PLACE) > 1:
             faults.append(f"`match` has `{SHOT_PLACE}` more than once, which is the one place of the shot's number")
         if self.kind == "can" and self.database is None:
@@ -286,3 +287,16 @@ class Source(DeclaredTable):
         place = "\ue000"  # a letter that globs and regular expressions leave alone
         text = fnmatch.translate(self.match.replace(SHOT_PLACE, place))
         return re.compile(text.replace(place, r"(?P<shot>[0-9]{1,9})"), re.IGNORECASE)
+
+
+def _no_live_kind(kind: str, device: Mapping[str, Any]) -> str:
+    """Say which kinds of device a source may have, where none is chosen by the keys of its table."""
+    fitting = [one for one in live_kinds() if kind in one.source_kinds]
+    if not fitting:
+        return (
+            f"a {kind} source has no `device`: its files are handed over after the shot, and no package that reads one "
+            "live is installed"
+        )
+    keys = ", ".join(f"`{key}`" for key in device) or "no key"
+    known = ", ".join(f"`{one.key}`, as {one.example}" for one in fitting)
+    return f"a {kind} source's `device` has {keys}, of which none chooses a kind: there is {known}"

@@ -72,5 +72,6 @@ def test_what_has_nothing_to_show_gives_no_part_and_an_empty_column_is_left_out(
 @pytest.mark.parametrize("listed", [sections.SHOT_SECTIONS, sections.CAMPAIGN_SECTIONS])
 def test_the_keys_of_a_list_are_anchors_and_stand_once(listed):
     keys = [section.key for section in listed]
-    assert len(set(keys)) == len(keys)
+    twice = {key for key in keys if keys.count(key) > 1}
+    assert not twice, f"a section is added to a list once: {twice}"
     assert all(len({column.key for column in section.columns}) == len(section.columns) for section in listed)
