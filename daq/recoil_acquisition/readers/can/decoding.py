@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.readers.statements import last_of_all
+
 UInt64Array = NDArray[np.uint64]
 
 _WORD = 8
-_FEW = 16
-"""Stored numbers for each that a database names, from which on the named ones are exceptions of a measurement."""
 _ROWS = 16384
 """Frames that are decoded at once: they stay in the processor's cache."""
 
@@ -246,7 +246,7 @@ def _codes(signal: Any, limits: tuple[int, int] | None) -> tuple[tuple[int, int,
     least, most = (-(1 << length - 1), (1 << length - 1) - 1) if signal.is_signed else (0, (1 << length) - 1)
     named = {int(raw): str(name) for raw, name in (signal.choices or {}).items() if least <= int(raw) <= most}
     if limits is None:
-        named = _last_of_all(named, most)
+        named = last_of_all(named, most)
         return tuple((raw, raw, f"{raw} {name!r}") for raw, name in named.items())
     low, high = limits
     codes = [(raw, raw, f"{raw} {name!r}") for raw, name in named.items() if not low <= raw <= high]
@@ -259,16 +259,6 @@ def _codes(signal: Any, limits: tuple[int, int] | None) -> tuple[tuple[int, int,
         if stop - first > 1:
             codes.append((first + 1, stop - 1, f"{_hexadecimal(first + 1, length)} and above"))
     return tuple(codes)
-
-
-def _last_of_all(named: dict[int, str], most: int) -> dict[int, str]:
-    """Return the names of the largest numbers, if these follow one another to the end and are few of all."""
-    last = {}
-    raw = most
-    while raw in named:
-        last[raw] = named[raw]
-        raw -= 1
-    return last if len(named) == len(last) and _FEW * len(last) <= most else {}
 
 
 def _hexadecimal(raw: int, length: int) -> str:

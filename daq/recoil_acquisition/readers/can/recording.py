@@ -34,7 +34,7 @@ from recoil_acquisition.readers.can.messages import CanDatabase, Messages, count
 from recoil_acquisition.readers.can.second_recording import refuse_set_back
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
-from recoil_acquisition.readers.statements import Statements
+from recoil_acquisition.readers.statements import Statements, about_codes
 from recoil_acquisition.readers.text.cells import whole_number
 from recoil_acquisition.readers.time.bursts import find_bursts
 from recoil_acquisition.readers.time.stalls import late_stamps
@@ -351,9 +351,7 @@ def _remarkable(name: str, layout: SignalLayout, data: NDArray[np.uint8]) -> Ite
     """Say which samples are codes, and which are beyond what the database says."""
     codes, outside = layout.remarkable(data)
     if codes:
-        shown = ", ".join(f"{code} x{count}" for code, count in codes.items())
-        text = f"{name}: {sum(codes.values())} of {len(data)} frames hold a code that is no measurement ({shown})"
-        yield Note(NoteCode.LOST, name, f"{text}: lost samples")
+        yield about_codes(name, codes, len(data), "frames")
     if outside and layout.raw_limits is not None:
         low, high = (layout.scale * raw + layout.offset for raw in layout.raw_limits)
         text = (
