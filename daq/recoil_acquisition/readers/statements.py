@@ -40,7 +40,17 @@ _SCALES = (
 """Parts of names of what may be a factor, or one of a polynomial's numbers."""
 _SHIFTS = ("offset", "intercept", "bias", "zeropoint", "zerolevel", "nullpunkt")
 _RANGES = ("range", "fullscale", "limit", "minimum", "maximum", "bereich")
-_LOST = ("fillvalue", "missing", "nodata", "invalid", "undefined", "sentinel", "notavailable", "errorvalue")
+_LOST = (
+    "fillvalue",
+    "missing",
+    "nodata",
+    "invalid",
+    "undefined",
+    "sentinel",
+    "notavailable",
+    "errorvalue",
+    "flagvalue",
+)
 _INSTANTS = frozenset({"startoffset", "wfstartoffset", "timeoffset", "t0", "x0"})
 """Names of offsets of instants, which a unit may stand behind."""
 _OF_TIME = (

@@ -46,6 +46,7 @@ from recoil_acquisition.readers.text.recording import column_recording, same_tim
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text.time_base import TimeSource, rate_of_step
 from recoil_acquisition.readers.text_file import LOOKED_AT, TextFile, read_text
+from recoil_acquisition.readers.time.wall_clock import DateOrder, parse_wall_clock
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 FIRST_LINE = "LabVIEW Measurement"
@@ -58,6 +59,10 @@ _SEPARATORS = {"tab": "\t", "comma": ","}
 _REMEDY = "copy the file again, or save it as TDMS"
 MOST_SEGMENTS = 10_000
 """Segments of a file that are read at most: each takes a millisecond, whatever is in it."""
+_MORE_DIGITS = re.compile(r"(\.\d{9})\d+")
+"""Digits of a second beyond those of a nanosecond."""
+_BEFORE = re.compile(r"190[0-4]/")
+"""Begin of a date that is LabVIEW's time zero, in some zone: it dates nothing."""
 _FIRST_YEAR = 1905
 """Year before which a date is that of LabVIEW's time zero, 1904, in some zone: it dates nothing."""
 _SINCE_1904 = dt.datetime(1904, 1, 1, tzinfo=dt.UTC)
@@ -274,6 +279,7 @@ def _part(segment: _Segment, head: _FileHead, clock: str, path: Path) -> _Part:
             place=f"line {segment.line}", found="; ".join(notes), remedy="save the signals over time",
         )  # fmt: skip
     zero_ns = next((ns for i in used if (ns := _stamp_ns(segment, i)) is not None), None)
+    notes += _about_stamps(segment, used, path)
     groups: dict[tuple[Any, ...], list[int]] = {}
     x_columns = list(accumulate((i * (name == "X_Value") for i, name in enumerate(segment.names)), max))
     for i in used:
@@ -391,6 +397,21 @@ def _about_column(
     return [Note(NoteCode.CONTRADICTION, None, text)]
 
 
+def _about_stamps(segment: _Segment, used: Sequence[int], path: Path) -> list[Remark]:
+    """Say that a date is not understood; refuse channels that such dates may put at different times."""
+    stated = {text: _stamp_ns(segment, i) for i in used if (text := _stamp_text(segment, i))}
+    unknown = [text for text, stamp_ns in stated.items() if stamp_ns is None and not _BEFORE.match(text)]
+    if not unknown:
+        return []
+    if len(stated) > 1:
+        raise ReadError(
+            "channels of one segment begin at times that are not understood", path=path, place=f"line {segment.line}",
+            expected="a Date yyyy/mm/dd and a Time hh:mm:ss", found=", ".join(unknown[:3]), remedy=_REMEDY,
+        )  # fmt: skip
+    text = f"`Date` and `Time` are not understood, {unknown[0][:60]!r}: the start is not known"
+    return [Note(NoteCode.TIME, None, text)]
+
+
 def _refuse_other_stamps(segment: _Segment, own: Sequence[int], zero_ns: int | None, path: Path) -> None:
     """Refuse channels with columns of times whose head dates them apart: from which instant each counts is a guess."""
     for i in own:
@@ -427,18 +448,19 @@ def _decimal_comma(segment: _Segment, head: _FileHead) -> bool:
     return head.separator != "," and has_decimal_comma([split_cells(line, head.separator) for line in rows])
 
 
+def _stamp_text(segment: _Segment, column: int) -> str:
+    return f"{segment.value('Date', column)} {segment.value('Time', column)}".strip()
+
+
 def _stamp_ns(segment: _Segment, column: int) -> int | None:
     """Return the date and time that a head states of a column, ns since 1970 in its own zone; None if there is none."""
-    date, time = segment.value("Date", column), segment.value("Time", column).replace(",", ".")
-    whole, _, fraction = time.partition(".")
     try:
-        instant = dt.datetime.strptime(f"{date} {whole}", "%Y/%m/%d %H:%M:%S").replace(tzinfo=dt.UTC)
+        stamp = parse_wall_clock(_MORE_DIGITS.sub(r"\1", _stamp_text(segment, column).replace(",", ".")))
     except ValueError:
         return None
-    fraction_ns = whole_number(fraction[:9].ljust(9, "0"))
-    if instant.year < _FIRST_YEAR or fraction_ns is None:
+    if stamp.second.year < _FIRST_YEAR or stamp.order is DateOrder.OPEN:
         return None
-    return round(instant.timestamp()) * 10**9 + fraction_ns
+    return round(stamp.second.replace(tzinfo=dt.UTC).timestamp()) * 10**9 + stamp.fraction_ns
 
 
 def _joined(path: Path, parts: Sequence[_Part], said: Mapping[str, Any], cut: str, clock: str) -> Recording:

@@ -205,3 +205,22 @@ def test_each_channel_without_a_column_of_times_begins_at_its_own_date(tmp_path:
 def test_more_rows_than_the_head_states_are_told(tmp_path: Path) -> None:
     few = [replace(one, samples="10") for one in columns()]
     assert any("the head states 10 rows, and 40 are there" in note for note in opened(tmp_path, Lvm([few])).notes)
+
+
+@pytest.mark.parametrize(("date", "time"), [("2026/08/03", "12:23:05.757 PM"), ("08/13/2026", "12:23:05.757")])
+def test_a_head_in_halves_of_the_day_or_with_slashes_dates_its_channels(date: str, time: str, tmp_path: Path) -> None:
+    one, other = (replace(column, date=date, time=time) for column in columns())
+    recording = opened(tmp_path, Lvm([[one, replace(other, time=time.replace("05.757", "06.007"))]]))
+    assert recording.time_base("p").times_s[0] == pytest.approx(0.25)
+    start = recording.absolute_start
+    assert start is not None
+    assert start.text.startswith(f"2026-08-{'03' if date.endswith('3') else '13'}T12:23:05.757")
+
+
+def test_a_head_whose_date_is_not_understood_gives_no_start_and_parts_no_channels(tmp_path: Path) -> None:
+    one, other = (replace(column, date="08/03/2026") for column in columns())
+    recording = opened(tmp_path, Lvm([[one, other]]))
+    assert recording.absolute_start is None
+    assert any("'08/03/2026 12:23:05" in note and "the start is not known" in note for note in recording.notes)
+    with pytest.raises(ReadError, match="channels of one segment begin at times that are not understood"):
+        read_all(tmp_path, Lvm([[one, replace(other, time="12:23:06.0070000000000000001")]]))
