@@ -273,9 +273,9 @@ def about_codes(label: str, codes: Mapping[str, int], of: int, samples: str = "s
     Parameters
     ----------
     codes
-        How many samples hold each, by what it is called.
+        Number of samples that hold each, by what it is called.
     samples
-        What the signal's numbers come in.
+        Name of what the signal's numbers come in.
     """
     shown = ", ".join(f"{code} x{count}" for code, count in list(codes.items())[:MOST_SHOWN])
     more = f" and {len(codes) - MOST_SHOWN} more" if len(codes) > MOST_SHOWN else ""

@@ -23,7 +23,7 @@ from recoil_acquisition.readers.tdms.library import tdms_library
 SCALINGS = frozenset(
     {"Linear", "Polynomial", "RTD", "Table", "Thermocouple", "Thermistor", "Strain", "Add", "Subtract", "AdvancedAPI"}
 )
-"""Scalings that npTDMS carries out; it would pass over any other in silence, such as `Reciprocal`."""
+"""Scalings that npTDMS carries out; it would pass over any other in silence, such as ``Reciprocal``."""
 MOST_SCALES = 256
 
 _WITHOUT_EFFECT = "AdvancedAPI"

@@ -31,7 +31,7 @@ STAMP_FORMS = "yyyy-mm-dd hh:mm:ss, dd.mm.yyyy hh:mm:ss or mm/dd/yyyy hh:mm:ss, 
 
 
 class DateOrder(StrEnum):
-    """What tells which number of a date is the day."""
+    """Sign that tells which number of a date is the day."""
 
     STATED = "stated"
     """How it is written."""
@@ -55,7 +55,7 @@ class Stamp:
     zone
         Zone: ``UTC``, an offset such as ``+02:00``, or ``unknown``.
     order
-        What tells the order of day and month.
+        Sign that tells the order of day and month.
     """
 
     second: dt.datetime
