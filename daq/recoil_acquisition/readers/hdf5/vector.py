@@ -196,7 +196,7 @@ def is_real(dtype: np.dtype[Any]) -> bool:
 
 def _words(dtype: np.dtype[Any]) -> dict[str, int]:
     """Return the words of an enumeration, as h5py keeps them; empty of another type."""
-    return (dtype.metadata or {}).get("enum", {})
+    return dict((dtype.metadata or {"enum": {}}).get("enum", {}))
 
 
 def _no_numbers(dtype: np.dtype[Any]) -> str:

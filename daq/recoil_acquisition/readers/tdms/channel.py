@@ -64,8 +64,7 @@ def rejection_reason(channel: Any, levels: tuple[Mapping[str, Any], ...], size: 
                 return f"damaged: {name} is {value!r}"
         if not is_scaled and (unused := _of_no_scale(properties)):
             return f"its property {unused} is stated of no scale that counts"
-    own, *above = levels
-    if _is_scaled(own) and any(map(_scales, above)):
+    if _is_scaled(levels[0]) and any(map(_scales, levels[1:])):
         return "its samples are scaled by its NI_Scaling_Status and a scale of its file is stated: which counts is open"
     try:
         dtype = np.dtype(channel.dtype)
