@@ -22,9 +22,9 @@ from recoil_acquisition.errors import MissingChannelError, ReadError
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.readers.can.buses import bus_number
 from recoil_acquisition.readers.can.decoding import SignalLayout, present
-from recoil_acquisition.readers.can.frames import EXTENDED, keys_of_rows
+from recoil_acquisition.readers.can.frames import keys_of_rows
 from recoil_acquisition.readers.can.messages import load_database
-from recoil_acquisition.readers.can.parameter_groups import PRIORITY, group_bits, group_of
+from recoil_acquisition.readers.can.parameter_groups import Sender
 
 Instants = NDArray[np.int64]
 Array = NDArray[np.float64]
@@ -76,34 +76,6 @@ class HeldBack:
         return late_ns / 1e9
 
 
-class Sender:
-    """Whoever sends a message of J1939: who has the address that is known, else whoever was heard first of its group.
-
-    Parameters
-    ----------
-    key
-        Identifier of the message, with bit 31.
-    is_any
-        Whether another address may send it.
-    """
-
-    def __init__(self, key: int, *, is_any: bool) -> None:
-        self._known, self._group = np.uint32(key & ~PRIORITY), np.uint32(group_of(key) | EXTENDED)
-        self._bits = np.uint32(group_bits(key) | EXTENDED)
-        self._heard: np.uint32 | None = None if is_any else self._known
-
-    def sent(self, keys: NDArray[np.uint32]) -> NDArray[np.bool_]:
-        """Return which frames are its, shape (n_frames,)."""
-        senders = keys & np.uint32(~PRIORITY & 0xFFFFFFFF)
-        if self._heard != self._known:
-            of_group = senders[keys & self._bits == self._group]
-            if (of_group == self._known).any():
-                self._heard = self._known
-            elif self._heard is None and of_group.size:
-                self._heard = of_group[0]
-        return np.asarray(senders == (self._known if self._heard is None else self._heard), bool)
-
-
 class CanSignals:
     """Channels of a bus.
 
@@ -134,9 +106,7 @@ class CanSignals:
             one = decoded[0]
             if one.layout is not None:
                 self._wanted.setdefault(one.key, []).append((channel, one.layout, one.layouts))
-            if one.is_j1939:
-                is_any = channel.signal in database.signals and database.is_alone_in_group(one.key)
-                self._senders[one.key] = Sender(one.key, is_any=is_any)
+            self._senders[one.key] = database.sender_of(one)
         self._held_back = HeldBack()
         self._latest_s = -np.inf
 
@@ -157,7 +127,7 @@ class CanSignals:
         keys = keys_of_rows(records)
         samples = []
         for key, rows in self._wanted.items():
-            wanted = plain & (self._senders[key].sent(keys) if key in self._senders else keys == key)
+            wanted = plain & self._senders[key].sent(keys)
             chosen = records[wanted]
             if not chosen.size:
                 continue

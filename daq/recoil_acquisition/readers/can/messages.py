@@ -20,7 +20,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.can.decoding import SignalLayout, layouts_of, told_apart
 from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames, key_of
 from recoil_acquisition.readers.can.multiplexing import MultiplexerRanges
-from recoil_acquisition.readers.can.parameter_groups import group_of, is_j1939, name_in_group, split_identified
+from recoil_acquisition.readers.can.parameter_groups import Sender, group_of, is_j1939, name_in_group, split_identified
 from recoil_acquisition.readers.time.increasing_stamps import increasing, single_ahead
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
@@ -190,9 +190,11 @@ class CanDatabase:
             if one.is_j1939 and group_of(one.key) == group_of(identifier)
         )
 
-    def is_alone_in_group(self, key: int) -> bool:
-        """Return whether no other message has the parameter group of one."""
-        return sum(is_j1939(one) and group_of(one.frame_id) == group_of(key) for one in self.messages) == 1
+    def sender_of(self, signal: DatabaseSignal) -> Sender:
+        """Return who sends a signal's message: any address, unless its name states one or others have the group."""
+        groups = [group_of(one.frame_id) for one in self.messages if is_j1939(one)] if signal.is_j1939 else []
+        is_any = groups.count(group_of(signal.key)) == 1 and signal.name in self.signals
+        return Sender(signal.key, of_group=signal.is_j1939, is_any=is_any)
 
     def refuse_faulty(self, signal: str, path: Path) -> None:
         """Raise `ReadError` if a signal, such as ``Message.Signal``, is of a faulty message."""

@@ -12,6 +12,9 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 PRIORITY = 7 << 26
 """Bits of an identifier that are no part of its group, nor an address."""
 ANYBODY = 254
@@ -67,3 +70,34 @@ def message_of(messages: Sequence[Any], identifier: int) -> Any | None:
         if len(meant) == 1:
             return meant[0]
     return None
+
+
+class Sender:
+    """Whoever sends a message: who has its identifier, or is heard first of its group if nobody has its address.
+
+    Parameters
+    ----------
+    key
+        Identifier of the message, with bit 31 for 29 bits.
+    of_group
+        Whether its priority may be another.
+    is_any
+        Whether another address may send it.
+    """
+
+    def __init__(self, key: int, *, of_group: bool = False, is_any: bool = False) -> None:
+        self._ignored = np.uint32(PRIORITY if of_group else 0)
+        self._known = np.uint32(key) & ~self._ignored
+        self._bits = np.uint32(group_bits(key) | 1 << 31)
+        self._heard: np.uint32 | None = None if is_any else self._known
+
+    def sent(self, keys: NDArray[np.uint32]) -> NDArray[np.bool_]:
+        """Return which frames are its, by their identifiers with bit 31, shape (n_frames,)."""
+        senders = keys & ~self._ignored
+        if self._heard != self._known:
+            of_group = senders[keys & self._bits == self._known & self._bits]
+            if (of_group == self._known).any():
+                self._heard = self._known
+            elif self._heard is None and of_group.size:
+                self._heard = of_group[0]
+        return np.asarray(senders == (self._known if self._heard is None else self._heard), bool)

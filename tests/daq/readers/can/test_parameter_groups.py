@@ -10,6 +10,7 @@ import pytest
 from recoil_acquisition.capture.can_signals import CanSignals
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSource
 from recoil_acquisition.devices.device import CAN, Block
+from recoil_acquisition.devices.stream_check import can_counter_check
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.frames.can_rows import EXTENDED
 from recoil_acquisition.readers.can.messages import load_database
@@ -91,6 +92,13 @@ def test_a_message_of_no_group_and_a_group_of_several_messages_are_matched_by_id
     assert [one.name for one in recording.signals] == ["RETARDER.rpm"]
 
 
+def test_of_a_group_of_several_messages_that_of_anybody_has_what_others_send(tmp_path: Path) -> None:
+    again = [f"BO_ {0x8CF004FE} ANY: 8 X", ' SG_ rpm : 24|16@1+ (0.125,0) [0|8031.875] "rpm" X']
+    recording = opened(tmp_path, [(0x0CF00403, engine(8.0)), (ENGINE, engine(9.0))], database(*again))
+    np.testing.assert_array_equal(recording.read("ANY.rpm"), [8.0])
+    np.testing.assert_array_equal(recording.read("EEC1.rpm"), [9.0])
+
+
 def test_a_counter_counts_the_frames_of_its_group(tmp_path: Path) -> None:
     frames = [(0x0CF00403, engine(800.0, count)) for count in (0, 1, 2, 4, 5)]
     recording = opened(tmp_path, frames, counters=("EEC1.count",))
@@ -125,13 +133,33 @@ def test_a_rig_may_name_the_address_of_a_group() -> None:
         assert found.named(wrong) == ()
 
 
-@pytest.mark.parametrize(("signal", "values"), [("EEC1.rpm", [800.0, 801.0]), ("EEC1#0x0CF00411.rpm", [10.0])])
-def test_an_armed_channel_hears_one_address_of_its_group(signal: str, values: list[float]) -> None:
+@pytest.mark.parametrize(
+    ("signal", "own", "values"),
+    [
+        ("EEC1.rpm", 0x0CF00433, [800.0, 801.0]),
+        ("EEC1#0x0CF00411.rpm", ENGINE, [10.0]),
+        ("EEC1.rpm", ENGINE, [801.5]),
+    ],
+)
+def test_an_armed_channel_hears_one_address_of_its_group(signal: str, own: int, values: list[float]) -> None:
     channel = LiveChannel("rpm", signal, 1.0, 0.0, "rpm")
     live = CanSignals(LiveSource("bus", "can", {}, (channel,), database=database()), (channel,))
-    sent = [(0x0CF00403, engine(800.0)), (0x0CF00411, engine(10.0)), (0x18F00403, engine(801.0))]
+    sent = [(0x0CF00403, engine(800.0)), (0x0CF00411, engine(10.0)), (0x18F00403, engine(801.0)), (own, engine(801.5))]
+    sent = [one for one in sent if one[0] != 0x0CF00433]
     rows = b"".join(
         pack_row(device_ns=0, host_ns=i, identifier=one, flags=EXTENDED, data=bytes.fromhex(data))
         for i, (one, data) in enumerate(sent)
     )
     assert [float(one) for part in live.feed(Block("bus", 50, rows, CAN)) for one in part.values] == values
+
+
+@pytest.mark.parametrize("counter", ["EEC1.count", "EEC1#0x0CF00403.count"])
+def test_a_stream_counts_the_messages_of_one_address_of_a_group(counter: str) -> None:
+    check = can_counter_check("bus", [counter], database(), Path("rig.toml"))
+    sent = [(0x0CF00403, 0), (0x0CF00411, 77), (0x18F00403, 1), (0x0CF00411, 99), (0x0CF00403, 3)]
+    rows = b"".join(
+        pack_row(device_ns=0, host_ns=i, identifier=one, flags=EXTENDED, data=bytes.fromhex(engine(8.0, count)))
+        for i, (one, count) in enumerate(sent)
+    )
+    check.feed(Block("bus", 50, rows, CAN))
+    assert check.counter_gaps == 1

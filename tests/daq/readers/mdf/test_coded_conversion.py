@@ -90,6 +90,14 @@ def test_an_upper_key_is_no_part_of_a_range_of_floats(tmp_path: Path) -> None:
     assert "10 to 20 'too much' x1, any other number 'other' x2" in recording.notes[0]
 
 
+def test_a_word_stands_for_a_float_that_is_its_key(tmp_path: Path) -> None:
+    links = ["not measured", (0.0, 2.0, "")]
+    content = coded_file(BY_VALUE, [-999.0], links, [1.5, -999.0, -999.5], bits=64, data_type=4)
+    recording = opened(tmp_path, content)
+    np.testing.assert_array_equal(recording.read("a"), [3.0, np.nan, -1999.0])
+    np.testing.assert_array_equal(recording.read("a"), as_asammdf_reads(tmp_path / "a.mf4"))
+
+
 def test_names_of_the_largest_numbers_alone_are_codes_where_others_stay_what_they_are(tmp_path: Path) -> None:
     recording = opened(tmp_path, coded_file(BY_VALUE, [65535], ["not available", None], [1, 65535, 3]))
     np.testing.assert_array_equal(recording.read("a"), [1.0, np.nan, 3.0])
