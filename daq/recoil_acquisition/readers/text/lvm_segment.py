@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from io import BytesIO
 
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.text_file import TextFile
@@ -52,18 +53,26 @@ class Segment:
         if len(columns) < 2:
             return [self]
         mark = separator.encode()
-        rows = [line.split(mark) for line in self.rows.data.split(b"\n") if line.strip()]
-        same = all(row[one[0]] == row[columns[0][0]] for row in rows for one in columns if len(row) > one[0])
+        firsts = [one.start for one in columns]
+        same = all(row[at] == row[firsts[0]] for row in self._cells(mark) for at in firsts if len(row) > at)
         if same and len({self.stamp_text(i) for one in columns for i in one[1:]}) == 1:
             return [self]
         named, _ = unique_names([name or f"column {i}" for i, name in enumerate(self.names)])
-        return [self._of(one, rows, named, mark) for one in columns]
+        return [self._of(one, named, mark) for one in columns]
 
-    def _of(self, columns: range, rows: Sequence[Sequence[bytes]], named: Sequence[str], mark: bytes) -> Segment:
-        cells = [mark.join(row[columns.start : columns.stop]) for row in rows]
-        held = [bool(line.strip(mark + b" \r")) for line in cells]
-        kept = b"\n".join(line for line, is_held in zip(cells, held, strict=True) if is_held)
-        ends = b"\n" if self.rows.data.endswith(b"\n") or not held[-1] else b""
+    def _cells(self, mark: bytes) -> Iterator[list[bytes]]:
+        """Yield the cells of each row; all of them at once take a multiple of the file."""
+        for line in BytesIO(self.rows.data):
+            yield line.rstrip(b"\n").split(mark)
+
+    def _of(self, columns: range, named: Sequence[str], mark: bytes) -> Segment:
+        kept, held = bytearray(), False
+        for row in self._cells(mark):
+            cells = mark.join(row[columns.start : columns.stop])
+            if held := bool(cells.strip(mark + b" \r")):
+                kept += cells + b"\n"
+        if held and not self.rows.data.endswith(b"\n"):
+            del kept[-1:]
         values = {key: [self.value(key, i) for i in columns[1:]] for key in self.keys}
         names = (X_VALUE, *(named[i] for i in columns[1:]))
-        return replace(self, keys=values, names=names, rows=replace(self.rows, data=kept + ends))
+        return replace(self, keys=values, names=names, rows=replace(self.rows, data=bytes(kept)))
