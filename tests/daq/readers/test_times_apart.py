@@ -50,9 +50,9 @@ def test_groups_that_are_stored_together_and_follow_one_another_are_told(tmp_pat
 
 
 def test_a_channel_over_all_of_the_time_joins_the_others(tmp_path: Path) -> None:
-    parts = [np.arange(4) / 10, 5 + np.arange(4) / 10, np.array([0.2, 5.1])]
+    parts = [np.arange(4) / 10, 5 + np.arange(4) / 10, np.array([0.2, 5.1]), 1 + np.arange(4) / 10]
     signals = [
-        [asammdf.Signal(np.arange(t.size, dtype=float), t, name=name)] for name, t in zip("abc", parts, strict=True)
+        [asammdf.Signal(np.arange(t.size, dtype=float), t, name=name)] for name, t in zip("abcd", parts, strict=True)
     ]
     assert not apart(opened(tmp_path / "a.mf4", mdf_file(*signals)))
     assert len(apart(opened(tmp_path / "a.mf4", mdf_file(*signals[:2])))) == 1
