@@ -47,6 +47,23 @@ def can_csv(entries: Sequence[CanEntry], *, zero_us: int = 1_700_000_000_250_000
     return "".join(line + "\n" for line in [*lines, *extra]).encode()
 
 
+CANEDGE = "TimestampEpoch;BusChannel;ID;IDE;DLC;DataLength;Dir;EDL;BRS;DataBytes"
+
+
+def canedge_csv(entries: Sequence[CanEntry], *, channel: int = 1, extra: Sequence[str] = ()) -> bytes:
+    """Return what the converter of CSS Electronics writes of the same frames, with its line ends."""
+    codes = {12: 9, 16: 10, 20: 11, 24: 12, 32: 13, 48: 14, 64: 15}
+    lines = [CANEDGE]
+    for time_ns, key, data in entries:
+        stamp_us = 1_700_000_000_250_000 + time_ns // 1000
+        length = len(data)
+        lines.append(
+            f"{stamp_us // 1_000_000}.{stamp_us % 1_000_000:06d};{channel};{key & 0x1FFFFFFF:X};{key >> 31};"
+            f"{length if length <= 8 else codes[length]};{length};0;{int(length > 8)};0;{data.hex().upper()}"
+        )
+    return "".join(line + "\r\n" for line in [*lines, *extra]).encode()
+
+
 def can_sqlite(
     entries: Sequence[CanEntry], *, extra: Sequence[tuple[object, ...]] = (), schema: str | None = None
 ) -> bytes:

@@ -148,4 +148,7 @@ LONG_TEXTS: Mapping[str, LongText] = {
     "can-csv": LongText(
         BY_NAME["python-can CSV log"], BUS, lambda count: can_logs.can_csv(entries(count))
     ),
+    "canedge-csv": LongText(
+        BY_NAME["CANedge CSV log"], BUS, lambda count: can_logs.canedge_csv(entries(count))
+    ),
 }  # fmt: skip

@@ -19,6 +19,8 @@ class Column:
     time: str = "12:23:05.7570000000000000001"
     dimension: str = "Time"
     samples: str = ""
+    times: Sequence[str] = ()
+    """Cells of its own column of time, in a file of ``Multi``; else those of its segment."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,7 @@ class Lvm:
     x_columns: str = "No"
     times: Sequence[Sequence[str]] = ()
     comments: dict[int, str] = field(default_factory=dict)
+    preference: str = "Absolute"
     decimal: str = "."
     states_decimal: bool = True
     separator: str = "\t"
@@ -51,7 +54,7 @@ class Lvm:
         head = ["LabVIEW Measurement" + tab, f"Writer_Version{tab}2", f"Reader_Version{tab}2"]
         head += [f"Separator{tab}{'Tab' if tab == chr(9) else 'Comma'}"]
         head += [f"Decimal_Separator{tab}{self.decimal}"] if self.states_decimal else []
-        head += [f"Multi_Headings{tab}Yes", f"X_Columns{tab}{self.x_columns}", f"Time_Pref{tab}Absolute"]
+        head += [f"Multi_Headings{tab}Yes", f"X_Columns{tab}{self.x_columns}", f"Time_Pref{tab}{self.preference}"]
         head += [
             f"Operator{tab}stand",
             f"Date{tab}2026/08/03",
@@ -85,7 +88,12 @@ class Lvm:
         for i in range(max(len(column.cells) for column in columns)):
             cells = [column.cells[i] if i < len(column.cells) else "" for column in columns]
             x = times[i] if times else ""
-            cells = [cell for own in cells for cell in (x if own else "", own)] if multi else [x, *cells]
+            own_x = [column.times[i] if i < len(column.times) else x for column in columns]
+            cells = (
+                [cell for x, own in zip(own_x, cells, strict=True) for cell in (x if own else "", own)]
+                if multi
+                else [x, *cells]
+            )
             cells += [self.comments[i]] if i in self.comments else []
             lines.append(tab.join(cell.replace(".", self.decimal) for cell in cells))
         return lines

@@ -100,7 +100,7 @@ class OldFile:
 
 def one_channel(
     stored: bytes, width: int, data_type: int, bits: int, *, file: OldFile | None = None, start: int = 0,
-    conversion: tuple[float, ...] = (), bytes_before: int = 0, tick_s: float = 0.5,
+    conversion: tuple[float, ...] = (), conversion_at: int = 0, bytes_before: int = 0, tick_s: float = 0.5,
 ) -> bytes:  # fmt: skip
     """A file of a channel `a` over a count of ticks, 2 bytes behind it in each record.
 
@@ -112,12 +112,14 @@ def one_channel(
         Bytes of each.
     conversion
         Its kind and its values.
+    conversion_at
+        Address of one that is there.
     """
     made = OldFile() if file is None else file
     count = len(stored) // width
     ticks = made.conversion(LINEAR, 0.0, tick_s, unit=b"s")
     time = made.channel("t", TIME, 0, 16, UNSIGNED, conversion=ticks, bytes_before=width)
-    at = made.conversion(int(conversion[0]), *conversion[1:], unit=b"V") if conversion else 0
+    at = made.conversion(int(conversion[0]), *conversion[1:], unit=b"V") if conversion else conversion_at
     value = made.channel("a", DATA, start, bits, data_type, time, conversion=at, bytes_before=bytes_before)
     rows = [stored[width * n : width * (n + 1)] + struct.pack(f"{made.order}H", n) for n in range(count)]
     group = made.group(value, width + 2, count)

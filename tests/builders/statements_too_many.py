@@ -207,7 +207,11 @@ _WRITERS: Mapping[str, Callable[[Case], Statements]] = {
     "npy": lambda _: dict.fromkeys(STATEMENTS, "cannot be: an array is numbers alone, and one of them their time"),
     "serial": lambda _: FRAMED,
     **dict.fromkeys(
-        ("asc", "blf", "candump", "trc-2.1", "can-csv", "can-sqlite", "mdf-bus-logging", "can-capture"), _of_database
+        (
+            "asc", "blf", "candump", "trc-2.1", "can-csv", "canedge-csv", "can-sqlite", "mdf-bus-logging",
+            "can-capture",
+        ),
+        _of_database,
     ),
     "lvm": _of_segment,
     "oxygen-unit-row": _oxygen_text,

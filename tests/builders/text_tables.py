@@ -55,14 +55,14 @@ OXYGEN_ABSOLUTE = table(
 DASYLAB_PREAMBLE = (
     "DASYLab - V 11.00.00",
     "Worksheet name: 6by10beamlayout",
-    "Recording date     : 7/1/2016,  4:52:39 PM",
+    "Recording date     : 7/15/2016,  4:52:39 PM",
     "Block length       : 2",
     "Delta              : 0.2 sec.",
     "Number of channels : 16",
 )
 DASYLAB = table(
     [*DASYLAB_PREAMBLE, "Date;Measurement time[hh:mm:ss];voltage [V];voltage2 [V];"],
-    lambda i: f"7/1/2016;16:52:{39 + i // 5:02d}",
+    lambda i: f"7/15/2016;16:52:{39 + i // 5:02d}",
     separator=";", ends=";",
 )  # fmt: skip
 DASYLAB_TABS = table(

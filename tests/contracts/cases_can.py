@@ -45,6 +45,7 @@ PACKED = tuple(
 CASES = (
     *TRACES,
     Case("can-csv", BY_NAME["python-can CSV log"], can_logs.can_csv(ENTRIES), CAN, MAGNITUDES, at_line_end),
+    Case("canedge-csv", BY_NAME["CANedge CSV log"], can_logs.canedge_csv(ENTRIES), CAN, MAGNITUDES, at_line_end),
     Case("can-sqlite", BY_NAME["python-can SQLite log"], can_logs.can_sqlite(ENTRIES), CAN, MAGNITUDES),
     Case("mdf-bus-logging", BY_NAME["MDF4 bus logging"], mdf_logs.bus_log(ENTRIES), CAN, MAGNITUDES),
     Case("mdf-logger", BY_NAME["MDF4 bus logging"], mdf_logs.logger_file(ENTRIES), CAN, MAGNITUDES),

@@ -24,6 +24,7 @@ from recoil_acquisition.readers.can.buses import bus_number
 from recoil_acquisition.readers.can.decoding import SignalLayout, present
 from recoil_acquisition.readers.can.frames import keys_of_rows
 from recoil_acquisition.readers.can.messages import load_database
+from recoil_acquisition.readers.can.parameter_groups import Sender
 
 Instants = NDArray[np.int64]
 Array = NDArray[np.float64]
@@ -87,10 +88,11 @@ class CanSignals:
     def __init__(self, source: LiveSource, channels: Sequence[LiveChannel]) -> None:
         database = load_database(source.database or "", source.path)
         self._wanted: dict[int, list[tuple[LiveChannel, SignalLayout, dict[str, SignalLayout]]]] = {}
+        self._senders: dict[int, Sender] = {}
         self._interface = source.device.get("interface")
         self._bus = None if source.bus is None else bus_number(source.bus)
         for channel in channels:
-            decoded = [one for one in database.signals.get(channel.signal, ()) if one.layout is not None]
+            decoded = [one for one in database.named(channel.signal) if one.layout is not None]
             if not decoded:
                 database.refuse_faulty(channel.signal, source.path)
                 raise MissingChannelError(channel.signal, tuple(database.signals), path=source.path)
@@ -104,6 +106,7 @@ class CanSignals:
             one = decoded[0]
             if one.layout is not None:
                 self._wanted.setdefault(one.key, []).append((channel, one.layout, one.layouts))
+            self._senders[one.key] = database.sender_of(one)
         self._held_back = HeldBack()
         self._latest_s = -np.inf
 
@@ -124,7 +127,7 @@ class CanSignals:
         keys = keys_of_rows(records)
         samples = []
         for key, rows in self._wanted.items():
-            wanted = plain & (keys == key)
+            wanted = plain & self._senders[key].sent(keys)
             chosen = records[wanted]
             if not chosen.size:
                 continue

@@ -14,6 +14,7 @@ import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from recoil_acquisition.readers.can.buses import BusName, bus_number
 from recoil_acquisition.readers.can.decoding import SignalLayout, gather
 from recoil_acquisition.readers.can.frames import keys_of_rows
 from recoil_acquisition.readers.can.messages import load_database
+from recoil_acquisition.readers.can.parameter_groups import Sender
 
 _BATCH_BYTES = 1 << 20
 
@@ -107,13 +109,21 @@ class CanCounterCheck:
         Layouts of the counters, by identifier and whether it has 29 bits.
     bus
         Number of the one bus whose messages are counted, where several are delivered; None for all.
+    senders
+        Senders of those messages that others than their identifier's may send.
     """
 
     skipped_bytes = None
     bad = 0
 
-    def __init__(self, counters: Mapping[int, SignalLayout], bus: int | None = None) -> None:
+    def __init__(
+        self,
+        counters: Mapping[int, SignalLayout],
+        bus: int | None = None,
+        senders: Mapping[int, Sender] = MappingProxyType({}),
+    ) -> None:
         self._counters, self._bus = dict(counters), bus
+        self._senders = {key: Sender(key) for key in counters} | dict(senders)
         self._last: dict[int, int] = {}
         self.counter_gaps: int | None = 0
 
@@ -126,7 +136,7 @@ class CanCounterCheck:
         keys = keys_of_rows(records)
         for key, layout in self._counters.items():
             long_enough = records["length"] >= layout.bytes_needed
-            chosen = records[plain & long_enough & (keys == key)]
+            chosen = records[plain & long_enough & self._senders[key].sent(keys)]
             if not chosen.size:
                 continue
             counts = gather(chosen["data"], layout.pieces)
@@ -162,20 +172,21 @@ def can_counter_check(
         If the database is at fault.
     """
     counters: dict[int, SignalLayout] = {}
+    senders: dict[int, Sender] = {}
     parsed = load_database(database, path)
     known = parsed.signals
     for name in names:
-        if name not in known:
+        if not (named := parsed.named(name)):
             parsed.refuse_faulty(name, path)
             raise DeviceError(
                 f"source '{source}': the database has no signal {name!r}",
                 found=", ".join(nearest_first(name, tuple(known))[:5]),
                 remedy="correct `counters` of the source in the rig file, nearest names first",
             )
-        for one in known[name]:
+        for one in named:
             if one.layout is None or one.layout.kind == "float":
                 raise DeviceError(
                     f"source '{source}': {name} is no whole number", remedy="correct `counters` of the source"
                 )
-            counters[one.key] = one.layout
-    return CanCounterCheck(counters, None if bus is None else bus_number(bus))
+            counters[one.key], senders[one.key] = one.layout, parsed.sender_of(one)
+    return CanCounterCheck(counters, None if bus is None else bus_number(bus), senders)

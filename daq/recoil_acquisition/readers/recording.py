@@ -6,7 +6,7 @@ that reads some of its samples, whatever the format, and a recording is its chan
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,7 +28,7 @@ from recoil_acquisition.errors import (
 )
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.overload import about_overload, find_marks, may_have_marks
-from recoil_acquisition.readers.statements import NOTHING, Statements, about_open, about_outside, outside
+from recoil_acquisition.readers.statements import MOST_SHOWN, NOTHING, Statements, about_open, about_outside, outside
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 from recoil_acquisition.shortage import REMEDY, is_shortage
 from recoil_acquisition.track import Track
@@ -128,6 +128,30 @@ def map_to_corrupt_file(path: Path, expected: str) -> Iterator[None]:
         ) from error  # fmt: skip
 
 
+def _about_times_apart(channels: Iterable[StoredChannel]) -> Iterator[Note]:
+    """Say which channels have no instant in common with the others, of those whose instants are known by their head."""
+    spans: dict[tuple[float, float], list[str]] = {}
+    for one in channels:
+        if isinstance(one.time_base, TimeBase) and one.time_base.count:
+            spans.setdefault((one.time_base.start_s, one.time_base.end_s), []).append(one.header.name)
+    runs: list[tuple[float, float, list[str]]] = []
+    for (start_s, end_s), names in sorted(spans.items()):
+        if runs and start_s <= runs[-1][1]:
+            first_s, last_s, known = runs[-1]
+            runs[-1] = first_s, max(last_s, end_s), known + names
+        else:
+            runs.append((start_s, end_s, names))
+    if len(runs) < 2:
+        return
+    shown = [
+        f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}, {start_s:.9g} to {end_s:.9g} s"
+        for start_s, end_s, names in runs[:MOST_SHOWN]
+    ]
+    more = [f"{len(runs) - MOST_SHOWN} more"] if len(runs) > MOST_SHOWN else []
+    text = f"channels have no instant in common: {'; '.join([*shown, *more])}: these may be several recordings"
+    yield Note(NoteCode.TIME, None, text)
+
+
 class Recording(Listed):
     """One opened file of one instrument.
 
@@ -212,6 +236,7 @@ class Recording(Listed):
         if start is not None and start.is_doubtful:
             text = f"{self.path.name}: its start, {start.text} ({start.origin}), is none that an instrument can have"
             yield Caution(CautionCode.DOUBTFUL_START, self.path.name, f"{text}: it dates nothing; set the clock")
+        yield from _about_times_apart(self._channels.values())
         yield from about_open({name: one.beside for name, one in self._channels.items()})
         for name, (count, of) in self._marked.items():
             yield about_overload(name, count, of)

@@ -31,6 +31,8 @@ LONGEST_TEXT, LONGEST_LINE = 2000, 300
 """Signs of a text, and of a line, that are looked at."""
 LONGEST = 80
 """Signs of a statement that a note quotes."""
+_FEW = 16
+"""Stored numbers for each that has a name, from which on the named ones are exceptions of a measurement."""
 _SCALES = (
     "scale", "scaling", "skal", "factor", "faktor", "facteur", "gain", "slope", "sensitiv", "calib", "kalib", "multipl",
     "conversion", "lsb", "coef", "perbit", "percount", "perdigit", "empfindlich",
@@ -38,7 +40,17 @@ _SCALES = (
 """Parts of names of what may be a factor, or one of a polynomial's numbers."""
 _SHIFTS = ("offset", "intercept", "bias", "zeropoint", "zerolevel", "nullpunkt")
 _RANGES = ("range", "fullscale", "limit", "minimum", "maximum", "bereich")
-_LOST = ("fillvalue", "missing", "nodata", "invalid", "undefined", "sentinel", "notavailable", "errorvalue")
+_LOST = (
+    "fillvalue",
+    "missing",
+    "nodata",
+    "invalid",
+    "undefined",
+    "sentinel",
+    "notavailable",
+    "errorvalue",
+    "flagvalue",
+)
 _INSTANTS = frozenset({"startoffset", "wfstartoffset", "timeoffset", "t0", "x0"})
 """Names of offsets of instants, which a unit may stand behind."""
 _OF_TIME = (
@@ -235,6 +247,40 @@ def about_outside(label: str, count: int, of: int, limits: tuple[float, float]) 
         f"{limits[0]:.6g} to {limits[1]:.6g}: they are taken as they are"
     )
     return Note(NoteCode.CONTRADICTION, label, text)
+
+
+def last_of_all(named: Mapping[int, str], most: int) -> dict[int, str]:
+    """Return which names of stored numbers are those of codes, where nothing else is said of the numbers.
+
+    They are names of the largest numbers that can be stored, these follow one another to the end, and are few of all.
+
+    Parameters
+    ----------
+    most
+        Largest number that can be stored.
+    """
+    last = {}
+    raw = most
+    while raw in named:
+        last[raw] = named[raw]
+        raw -= 1
+    return last if len(named) == len(last) and _FEW * len(last) <= most else {}
+
+
+def about_codes(label: str, codes: Mapping[str, int], of: int, samples: str = "samples") -> Note:
+    """Return the note on samples that hold a code, which is no measurement.
+
+    Parameters
+    ----------
+    codes
+        Number of samples that hold each, by what it is called.
+    samples
+        Name of what the signal's numbers come in.
+    """
+    shown = ", ".join(f"{code} x{count}" for code, count in list(codes.items())[:MOST_SHOWN])
+    more = f" and {len(codes) - MOST_SHOWN} more" if len(codes) > MOST_SHOWN else ""
+    text = f"{label}: {sum(codes.values())} of {of} {samples} hold a code that is no measurement ({shown}{more})"
+    return Note(NoteCode.LOST, label, f"{text}: lost samples")
 
 
 def _kind_of(name: str, value: Any, numbers: tuple[float, ...]) -> StatementKind | None:

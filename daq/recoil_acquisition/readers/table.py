@@ -270,6 +270,9 @@ READERS: tuple[Reader, ...] = (
         "python-can CSV log", "can", (".csv",), "can.log:CAN_CSV", (r'\A\s*"?timestamp"?,"?arbitration_id"?,',)
     ),
     TableReader(
+        "CANedge CSV log", "can", (".csv",), "can.log:CANEDGE_CSV", (r'\A\s*"?TimestampEpoch"?;"?BusChannel"?;"?ID"?;',)
+    ),
+    TableReader(
         "python-can SQLite log", "can", (".db",), "can.log:CAN_SQLITE",
         (rb"(?s)SQLite format 3\0(?=.*arbitration_id)(?=.*messages)",), Claim.CERTAIN,
     ),

@@ -34,9 +34,9 @@ def faults_of_can_signals(rig: Rig, source: Source) -> list[Fault]:
     faults = []
     for key, signal in wanted.items():
         own, _, _bus = signal.rpartition(AT) if signal not in known and source.device is None else (signal, "", "")
-        if own in known:
-            if source.device is not None and len(known[own]) > 1:
-                those = " or ".join(repr(one.name) for one in known[own])
+        if named := database.named(own):
+            if source.device is not None and len(named) > 1:
+                those = " or ".join(repr(one.name) for one in named)
                 problem = f"{signal!r} is of several messages of {source.database}; write {those}"
                 faults.append(Fault(key, problem, FaultCode.AMBIGUOUS))
             continue

@@ -13,7 +13,7 @@ from tests.builders.long_texts import LONG_TEXTS
 MOST_RATIO = 10
 SIZE = 1_500_000
 
-LINE_BY_LINE = {"trc", "can-csv", "declared-tracks"}
+LINE_BY_LINE = {"trc", "can-csv", "canedge-csv", "declared-tracks"}
 """Texts that take long, and are taken in smaller parts."""
 IN_LONG_PIECES = {"tracker-spaces"}
 """Texts whose pieces are long, so that only a longer text shows what grows with it."""

@@ -85,6 +85,7 @@ def test_the_shared_file_gives_its_sixty_rows():
         candump_log(can_entries(30)),
         can_logs.trc_log(can_entries(30)),
         can_logs.can_csv(can_entries(30)),
+        can_logs.canedge_csv(can_entries(30)),
     ],
 )
 @pytest.mark.parametrize("packed", [False, True])

@@ -11,18 +11,22 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.readers.can.parameter_groups import is_j1939
+from recoil_acquisition.readers.statements import last_of_all
+
 UInt64Array = NDArray[np.uint64]
 
 _WORD = 8
-_FEW = 16
-"""Stored numbers for each that a database names, from which on the named ones are exceptions of a measurement."""
+_RESERVED = 0xFB
+_KINDS = ((0xFF, "not available, "), (0xFE, "error, "), (_RESERVED, "reserved, "))
+"""Least highest byte of the numbers of SAE J1939-71 that are no measurement, and what they are."""
 _ROWS = 16384
 """Frames that are decoded at once: they stay in the processor's cache."""
 
@@ -194,8 +198,13 @@ class SignalLayout:
         return found, int(np.count_nonzero(outside))
 
 
-def layout_of(signal: Any) -> SignalLayout | None:
+def layout_of(signal: Any, *, is_j1939: bool = False) -> SignalLayout | None:
     """Take a signal's layout from a parsed database; values of its multiplexer may be there as ranges.
+
+    Parameters
+    ----------
+    is_j1939
+        Whether its message is one of SAE J1939.
 
     Returns
     -------
@@ -218,7 +227,7 @@ def layout_of(signal: Any) -> SignalLayout | None:
             one if isinstance(one, range) else range(one, one + 1) for one in signal.multiplexer_ids or ()
         ),
         raw_limits=limits,
-        codes=() if signal.is_float else _codes(signal, limits),
+        codes=() if signal.is_float else _codes(signal, limits, is_j1939=is_j1939),
         comment=str(signal.comment or ""),
     )
 
@@ -234,41 +243,41 @@ def _raw_limits(signal: Any) -> tuple[int, int] | None:
     return low, high
 
 
-def _codes(signal: Any, limits: tuple[int, int] | None) -> tuple[tuple[int, int, str], ...]:
+def _codes(signal: Any, limits: tuple[int, int] | None, *, is_j1939: bool) -> tuple[tuple[int, int, str], ...]:
     """Return the stored numbers that are no measurement: named by the database, or of a standard, beyond its range.
 
     A number that the database names and has in its range is one that may be measured, such as a gear. Where it states
     no range, names of the largest numbers alone are those of codes. Beyond the range SAE J1939-71 has the largest
     numbers for what is not available, in error, or reserved, from FB in the highest byte on, and NMEA 2000 the three
-    largest.
+    largest. A message of J1939 has them where the database states no range, too.
     """
     length = int(signal.length)
     least, most = (-(1 << length - 1), (1 << length - 1) - 1) if signal.is_signed else (0, (1 << length) - 1)
     named = {int(raw): str(name) for raw, name in (signal.choices or {}).items() if least <= int(raw) <= most}
+    has_ranges = length % 8 == 0 and not signal.is_signed
+    if limits is None and is_j1939 and has_ranges:
+        limits = 0, (_RESERVED << length - 8) - 1
     if limits is None:
-        named = _last_of_all(named, most)
+        named = last_of_all(named, most)
         return tuple((raw, raw, f"{raw} {name!r}") for raw, name in named.items())
     low, high = limits
     codes = [(raw, raw, f"{raw} {name!r}") for raw, name in named.items() if not low <= raw <= high]
-    reserved = 1
-    if length >= 8:
-        reserved = 3 if signal.is_signed or length % 8 else 5 << length - 8
+    reserved = 5 << length - 8 if has_ranges else 3 if length >= 8 else 1
     begin = max(most - reserved + 1, high + 1)
     taken = sorted(raw for raw in named if begin <= raw <= most)
     for first, stop in itertools.pairwise([begin - 1, *taken, most + 1]):
         if stop - first > 1:
-            codes.append((first + 1, stop - 1, f"{_hexadecimal(first + 1, length)} and above"))
+            codes += _unnamed(first + 1, stop - 1, length, is_j1939=is_j1939 and has_ranges)
     return tuple(codes)
 
 
-def _last_of_all(named: dict[int, str], most: int) -> dict[int, str]:
-    """Return the names of the largest numbers, if these follow one another to the end and are few of all."""
-    last = {}
-    raw = most
-    while raw in named:
-        last[raw] = named[raw]
-        raw -= 1
-    return last if len(named) == len(last) and _FEW * len(last) <= most else {}
+def _unnamed(low: int, high: int, length: int, *, is_j1939: bool) -> Iterator[tuple[int, int, str]]:
+    """Yield codes that the database does not name: those of J1939 by their kind."""
+    for begin, kind in _KINDS if is_j1939 else ((0, ""),):
+        first = max(low, begin << max(length - 8, 0))
+        if first <= high:
+            yield first, high, f"{kind}{_hexadecimal(first, length)} and above"
+            high = first - 1
 
 
 def _hexadecimal(raw: int, length: int) -> str:
@@ -291,7 +300,9 @@ def told_apart(names: Sequence[str]) -> list[str]:
 
 def layouts_of(message: Any) -> dict[str, SignalLayout]:
     """Take the layouts of all signals of a message that are decoded, by their names."""
-    return {signal.name: layout for signal in message.signals if (layout := layout_of(signal)) is not None}
+    of_group = is_j1939(message)
+    found = {signal.name: layout_of(signal, is_j1939=of_group) for signal in message.signals}
+    return {name: layout for name, layout in found.items() if layout is not None}
 
 
 def present(

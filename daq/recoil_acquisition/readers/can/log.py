@@ -18,7 +18,14 @@ from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.can.asc import is_asc, read_asc
 from recoil_acquisition.readers.can.blf_objects import read_blf
 from recoil_acquisition.readers.can.candump import is_candump, read_candump
-from recoil_acquisition.readers.can.csv import HEADER, is_can_csv, read_can_csv
+from recoil_acquisition.readers.can.csv import (
+    CANEDGE_HEADER,
+    HEADER,
+    is_can_csv,
+    is_canedge_csv,
+    read_can_csv,
+    read_canedge_csv,
+)
 from recoil_acquisition.readers.can.frames import CanLog
 from recoil_acquisition.readers.can.recording import CanRecording, declared_database
 from recoil_acquisition.readers.can.second_recording import SecondRecordingError, refuse_second_recording
@@ -190,9 +197,18 @@ def _read_can_csv(path: Path) -> CanLog:
     return _read_lines(path, read)
 
 
+def _read_canedge(path: Path) -> CanLog:
+    def read(text: bytes, encoding: str) -> CanLog:
+        _headed(is_canedge_csv, "CANedge", CANEDGE_HEADER, path, text, encoding)
+        return read_canedge_csv(text)
+
+    return _read_lines(path, read)
+
+
 ASC = LogReader("Vector ASC log", _read_asc, is_asc)
 BLF = LogReader("Vector BLF log", _read_blf)
 CANDUMP = LogReader("candump log", _read_candump, is_candump)
 TRC = LogReader("PEAK TRC trace", _read_trc, is_trc)
 CAN_CSV = LogReader("python-can CSV log", _read_can_csv, is_can_csv)
+CANEDGE_CSV = LogReader("CANedge CSV log", _read_canedge, is_canedge_csv)
 CAN_SQLITE = LogReader("python-can SQLite log", read_can_sqlite)

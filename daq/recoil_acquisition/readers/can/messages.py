@@ -20,6 +20,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.can.decoding import SignalLayout, layouts_of, told_apart
 from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames, key_of
 from recoil_acquisition.readers.can.multiplexing import MultiplexerRanges
+from recoil_acquisition.readers.can.parameter_groups import Sender, group_of, is_j1939, name_in_group, split_identified
 from recoil_acquisition.readers.time.increasing_stamps import increasing, single_ahead
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
@@ -114,6 +115,8 @@ class DatabaseSignal:
         Layout of the signal; None if it is not decoded.
     layouts
         Layouts of all signals of the message.
+    is_j1939
+        Whether the message is known by its parameter group: any address may send it.
     """
 
     name: str
@@ -121,6 +124,7 @@ class DatabaseSignal:
     unit: str
     layout: SignalLayout | None
     layouts: dict[str, SignalLayout]
+    is_j1939: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,10 +170,31 @@ class CanDatabase:
             layouts = layouts_of(message)
             for signal in message.signals:
                 layout = layouts.get(signal.name)
-                one = DatabaseSignal(f"{own_name}.{signal.name}", key_of(message), signal.unit or "", layout, layouts)
-                for known in dict.fromkeys((one.name, f"{message.name}.{signal.name}")):
+                one = DatabaseSignal(
+                    f"{own_name}.{signal.name}", key_of(message), signal.unit or "", layout, layouts, is_j1939(message)
+                )
+                names = (own_name, message.name, name_in_group(message))
+                for known in dict.fromkeys(f"{name}.{signal.name}" for name in names):
                     found[known] = (*found.get(known, ()), one)
         return MappingProxyType(found)
+
+    def named(self, name: str) -> tuple[DatabaseSignal, ...]:
+        """Return the signals of a name, which may state an identifier of the message's parameter group."""
+        identified = split_identified(name)
+        if name in self.signals or identified is None:
+            return self.signals.get(name, ())
+        signal, identifier = identified
+        return tuple(
+            replace(one, name=name, key=identifier | EXTENDED)
+            for one in self.signals.get(signal, ())
+            if one.is_j1939 and group_of(one.key) == group_of(identifier)
+        )
+
+    def sender_of(self, signal: DatabaseSignal) -> Sender:
+        """Return who sends a signal's message: any address, unless its name states one or others have the group."""
+        groups = [group_of(one.frame_id) for one in self.messages if is_j1939(one)] if signal.is_j1939 else []
+        is_any = groups.count(group_of(signal.key)) == 1 and signal.name in self.signals
+        return Sender(signal.key, of_group=signal.is_j1939, is_any=is_any)
 
     def refuse_faulty(self, signal: str, path: Path) -> None:
         """Raise `ReadError` if a signal, such as ``Message.Signal``, is of a faulty message."""

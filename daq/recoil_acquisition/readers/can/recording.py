@@ -31,10 +31,12 @@ from recoil_acquisition.readers.can.counters import (
 from recoil_acquisition.readers.can.decoding import SignalLayout, present, told_apart
 from recoil_acquisition.readers.can.frames import CanLog, key_of
 from recoil_acquisition.readers.can.messages import CanDatabase, Messages, count_identifiers, load_database, messages_of
+from recoil_acquisition.readers.can.parameter_groups import name_in_group
 from recoil_acquisition.readers.can.second_recording import refuse_set_back
+from recoil_acquisition.readers.can.senders import by_sender
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
-from recoil_acquisition.readers.statements import Statements
+from recoil_acquisition.readers.statements import Statements, about_codes
 from recoil_acquisition.readers.text.cells import whole_number
 from recoil_acquisition.readers.time.bursts import find_bursts
 from recoil_acquisition.readers.time.stalls import late_stamps
@@ -78,6 +80,7 @@ class CanRecording(Recording):
     """
 
     def __init__(self, path: Path, reader: str, log: CanLog, database: CanDatabase, declared: Declarations) -> None:
+        database, log = by_sender(database, log)
         counters = declared_counters(declared.counters, database, path)
         if not log.frames.key.size:
             raise _no_data_frames(path, log)
@@ -111,7 +114,7 @@ class CanRecording(Recording):
                 own_counters = [c for c in counters if c.key == key_of(one.message)]
                 of_bus = _signals(_dated(messages, own_counters, notes), notes)
                 for signal in of_bus:
-                    own = (one.message.name, one.own_name)
+                    own = (one.message.name, one.own_name, name_in_group(one.message))
                     names.add(name, own, signal.layout.name, bus if log.stores_buses else "", apart=apart)
                 signals += of_bus
         counts = [count_messages(counter, log.frames) for counter in counters]
@@ -351,9 +354,7 @@ def _remarkable(name: str, layout: SignalLayout, data: NDArray[np.uint8]) -> Ite
     """Say which samples are codes, and which are beyond what the database says."""
     codes, outside = layout.remarkable(data)
     if codes:
-        shown = ", ".join(f"{code} x{count}" for code, count in codes.items())
-        text = f"{name}: {sum(codes.values())} of {len(data)} frames hold a code that is no measurement ({shown})"
-        yield Note(NoteCode.LOST, name, f"{text}: lost samples")
+        yield about_codes(name, codes, len(data), "frames")
     if outside and layout.raw_limits is not None:
         low, high = (layout.scale * raw + layout.offset for raw in layout.raw_limits)
         text = (

@@ -21,6 +21,7 @@ from recoil_acquisition.readers.bounded_file import DEFLATE_RATIO, most_unpacked
 from recoil_acquisition.readers.containers.stored_channels import Damaged
 from recoil_acquisition.readers.containers.stored_time import MOST_COLUMNS
 from recoil_acquisition.readers.recording import map_to_corrupt_file
+from recoil_acquisition.readers.statements import MOST_SHOWN
 
 
 @contextmanager
@@ -139,7 +140,7 @@ def vector_of(path: Path, dataset: Any, file_size: int) -> Hdf5Vector | str:
     """
     dtype = dataset.dtype
     if not is_real(dtype) or dataset.shape is None:
-        return f"not real numbers ({'no data' if dataset.shape is None else dtype})"
+        return "not real numbers (no data)" if dataset.shape is None else _no_numbers(dtype)
     found = _axis_of(dataset, file_size)
     return found if isinstance(found, str) else Hdf5Vector(path, dataset.name, found, tuple(dataset.shape), dtype)
 
@@ -184,13 +185,24 @@ def record_vectors(path: Path, dataset: Any, file_size: int) -> list[Hdf5Vector 
         if is_real(dtype) and "/" not in field:
             vectors.append(Hdf5Vector(path, name, found, shape, dtype, field))
         else:
-            vectors.append((name, f"not real numbers ({dtype})"))
+            vectors.append((name, _no_numbers(dtype)))
     return vectors
 
 
 def is_real(dtype: np.dtype[Any]) -> bool:
-    """Return whether numbers of a type are real ones of at most 64 bits."""
-    return dtype.kind in "fiub" and dtype.itemsize <= 8
+    """Return whether numbers of a type are real ones of at most 64 bits, and do not stand for words."""
+    return dtype.kind in "fiub" and dtype.itemsize <= 8 and not _words(dtype)
+
+
+def _words(dtype: np.dtype[Any]) -> dict[str, int]:
+    """Return the words of an enumeration, as h5py keeps them; empty of another type."""
+    return dict((dtype.metadata or {"enum": {}}).get("enum", {}))
+
+
+def _no_numbers(dtype: np.dtype[Any]) -> str:
+    """Say what a type that `is_real` refuses holds instead."""
+    words = ", ".join(map(repr, [*_words(dtype)][:MOST_SHOWN]))
+    return f"an enumeration ({words})" if words else f"not real numbers ({dtype})"
 
 
 def _axis_of(dataset: Any, file_size: int) -> int | str:

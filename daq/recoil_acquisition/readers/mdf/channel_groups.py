@@ -59,12 +59,18 @@ CHANNEL_TYPES = {UNKNOWN: "of no known channel type", 1: "values of variable len
                  5: "values of variable length", 6: "a virtual channel"}  # fmt: skip
 
 
-def text_of(content: bytes, at: int) -> str:
-    """Return the text at an address, without the XML around it where it is one text; empty if there is none."""
+def text_of(content: bytes, at: int, most: int = MOST_BYTES) -> str:
+    """Return the text at an address, without the XML around it where it is one text; empty if there is none.
+
+    Parameters
+    ----------
+    most
+        Bytes of its block that are looked at.
+    """
     if not at or content[at : at + 4] not in (b"##TX", b"##MD") or at + 24 > len(content):
         return ""
     (length,) = struct.unpack_from("<Q", content, at + 8)
-    text = content[at + 24 : at + min(length, MOST_BYTES)].split(b"\0")[0].decode("utf-8", "replace")
+    text = content[at + 24 : at + min(length, most)].split(b"\0")[0].decode("utf-8", "replace")
     only = _ONE_TEXT.fullmatch(text)
     return html.unescape(only[2]) if only else text
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.readers.mdf.channel_groups import ChannelGroup, DataGroup, MdfChannel
+from recoil_acquisition.readers.mdf.coded_conversion import CodedConversion
 from recoil_acquisition.readers.mdf.number_conversion import NumberConversion
 
 
@@ -42,6 +43,6 @@ class MdfContents(Protocol):
         """Return the least and largest value that a channel is stated to have; None if no range is."""
         ...
 
-    def conversion_of(self, channel: MdfChannel) -> NumberConversion | str:
+    def conversion_of(self, channel: MdfChannel) -> NumberConversion | CodedConversion | str:
         """Return the conversion of a channel to numbers, or why it has none."""
         ...

@@ -33,15 +33,18 @@ from recoil_acquisition.readers.mdf.channel_groups import (
     MdfUnsupportedError,
     rejection_reason,
 )
+from recoil_acquisition.readers.mdf.coded_conversion import CodedConversion
 from recoil_acquisition.readers.mdf.contents import MdfContents
 from recoil_acquisition.readers.mdf.master import master_of, time_of_group
 from recoil_acquisition.readers.mdf.number_conversion import NumberConversion
 from recoil_acquisition.readers.mdf.records import Records, split
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
-from recoil_acquisition.readers.statements import Statements
+from recoil_acquisition.readers.statements import MOST_SHOWN, Statements, about_codes
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
+_Conversions = dict[tuple[int, int, int], NumberConversion | CodedConversion | str]
+"""Those of a file by address, data type and bits."""
 Kept = NDArray[np.int64] | None
 """Indices of the samples that the time base has; None if it has all."""
 
@@ -93,7 +96,7 @@ class NumberChannel:
     stored: StoredGroups
     group: ChannelGroup
     channel: MdfChannel
-    conversion: NumberConversion
+    conversion: NumberConversion | CodedConversion
     kept: Kept
 
     def _part(self, start: int, stop: int) -> Records:
@@ -223,9 +226,9 @@ def measured_recording(
     }
     numbered = [group for group in file.groups if not group.flags & VARIABLE_LENGTH]
     labels = [_label(contents.name_of(group), index) for index, group in enumerate(numbered)]
-    conversions: dict[int, NumberConversion | str] = {}  # many channels may have the one
+    conversions: _Conversions = {}  # many channels may have the one
     left_out: dict[str, str] = {}
-    found: list[tuple[int, StoredTime, NumberChannel]] = []
+    found: list[tuple[int, StoredTime, NumberChannel, dict[str, int]]] = []
     read: dict[int, Records] = {}
     for index, (group, label) in enumerate(zip(numbered, labels, strict=True)):
         if group.is_bus:
@@ -243,17 +246,25 @@ def measured_recording(
             notes.append(Note(NoteCode.LEFT_OUT, label, text))
             left_out |= {channel.name: f"{label}: {time}" for channel, _ in usable}
             continue
-        found += [
-            (index, time, NumberChannel(stored[group.stored.at], group, channel, conversion, time.kept))
-            for channel, conversion in usable
-        ]
-    names, name_notes = unique_names([one.channel.name for _, _, one in found])
+        for channel, conversion in usable:
+            codes = _codes(read[group.at], channel, conversion)
+            if sum(codes.values()) == group.count:
+                left_out[channel.name] = (
+                    f"an enumeration: all samples are words ({', '.join(list(codes)[:MOST_SHOWN])})"
+                )
+                notes.append(_left_out(channel, label, left_out[channel.name]))
+                continue
+            numbers = NumberChannel(stored[group.stored.at], group, channel, conversion, time.kept)
+            found.append((index, time, numbers, codes))
+    names, name_notes = unique_names([one.channel.name for _, _, one, _ in found])
     channels = []
-    for name, (index, time, one) in zip(names, found, strict=True):
+    for name, (index, time, one, codes) in zip(names, found, strict=True):
         unit = contents.unit_of(one.channel)
         metadata = {"group": index, "comment": contents.comment_of(one.channel)[:LONGEST_COMMENT]}
         header = SignalHeader(name, unit, time.time_base.count, metadata=metadata)
-        gain = one.conversion.linear if one.channel.data_type in INTEGERS else None
+        gain = one.conversion.linear if one.channel.data_type in INTEGERS and not codes else None
+        if codes:
+            notes.append(about_codes(name, codes, one.group.count))
         counts = None if gain is None else partial(one.counts, unit, *gain)
         said = {"comment": metadata["comment"]} | ({} if (limits := contents.limits_of(one.channel)) is None else {
             "limits": list(limits)
@@ -270,25 +281,36 @@ def _usable(
     contents: MdfContents,
     group: ChannelGroup,
     label: str,
-    conversions: dict[int, NumberConversion | str],
+    conversions: _Conversions,
     notes: list[Remark],
     left_out: dict[str, str],
-) -> Iterator[tuple[MdfChannel, NumberConversion]]:
+) -> Iterator[tuple[MdfChannel, NumberConversion | CodedConversion]]:
     """Yield the channels of a group that are read, beside its time; say which others there are, and why."""
     master = master_of(group)
     for channel in group.channels:
         if channel is master:
             continue
         reason = rejection_reason(channel, group)  # of a computed time too, whose conversion is no other channel's
-        if not reason and channel.conversion_at not in conversions:
-            conversions[channel.conversion_at] = contents.conversion_of(channel)
-        conversion = reason or conversions[channel.conversion_at]
+        key = channel.conversion_at, channel.data_type, channel.bits
+        if not reason and key not in conversions:
+            conversions[key] = contents.conversion_of(channel)
+        conversion = reason or conversions[key]
         if isinstance(conversion, str):
-            text = f"{channel.name} of {label}: {conversion}: left out"
-            notes.append(Note(NoteCode.LEFT_OUT, channel.name, text))
+            notes.append(_left_out(channel, label, conversion))
             left_out[channel.name] = conversion
         else:
             yield channel, conversion
+
+
+def _codes(records: Records, channel: MdfChannel, conversion: NumberConversion | CodedConversion) -> dict[str, int]:
+    """Return how many valid samples stand for each word."""
+    if not isinstance(conversion, CodedConversion):
+        return {}
+    return conversion.codes(records.numbers(channel)[records.valid(channel)])
+
+
+def _left_out(channel: MdfChannel, label: str, why: str) -> Note:
+    return Note(NoteCode.LEFT_OUT, channel.name, f"{channel.name} of {label}: {why}: left out")
 
 
 def _label(name: str, index: int) -> str:

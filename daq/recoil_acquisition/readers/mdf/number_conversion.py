@@ -92,9 +92,12 @@ def number_conversion(content: bytes, channel: MdfChannel) -> NumberConversion |
         kind, values = conversion_values(content, channel)
     except MdfDamageError as error:
         return Damaged(f"damaged: {error}")
-    if kind not in _NUMERIC:
-        return _OTHERS.get(kind, f"conversion {kind}")
-    return checked_conversion(kind, values)
+    return checked_conversion(kind, values) if kind in _NUMERIC else enumeration_of(kind)
+
+
+def enumeration_of(kind: int) -> str:
+    """Return the name of a kind of conversion that gives no number."""
+    return _OTHERS.get(kind, f"conversion {kind}")
 
 
 def checked_conversion(kind: int, values: tuple[float, ...]) -> NumberConversion | str:

@@ -19,7 +19,7 @@ from recoil_acquisition.readers.mdf.channel_groups import (
     iter_groups,
     text_of,
 )
-from recoil_acquisition.readers.mdf.conversion import unit_of
+from recoil_acquisition.readers.mdf.coded_conversion import CodedConversion, conversion_of, unit_of_any
 from recoil_acquisition.readers.mdf.data_blocks import DataBlocks
 from recoil_acquisition.readers.mdf.file_header import UNFINALISED, header_times, is_mdf4
 from recoil_acquisition.readers.mdf.measured import (
@@ -29,7 +29,7 @@ from recoil_acquisition.readers.mdf.measured import (
     mdf_errors,
     measured_recording,
 )
-from recoil_acquisition.readers.mdf.number_conversion import NumberConversion, number_conversion
+from recoil_acquisition.readers.mdf.number_conversion import NumberConversion
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.remark import Note, NoteCode
@@ -81,7 +81,7 @@ class Mdf4Contents:
 
     def unit_of(self, channel: MdfChannel) -> str:
         """Return the unit of a channel's conversion, else its own."""
-        return unit_of(self.content, channel)
+        return unit_of_any(self.content, channel)
 
     def comment_of(self, channel: MdfChannel) -> str:
         """Return the text of a channel's comment."""
@@ -95,9 +95,9 @@ class Mdf4Contents:
         at = channel.at + 24 + 8 * links + _LIMITS_AT
         return struct.unpack_from("<2d", self.content, at) if at + 16 <= len(self.content) else None
 
-    def conversion_of(self, channel: MdfChannel) -> NumberConversion | str:
+    def conversion_of(self, channel: MdfChannel) -> NumberConversion | CodedConversion | str:
         """Return the conversion to numbers of a channel's block, or why it has none."""
-        return number_conversion(self.content, channel)
+        return conversion_of(self.content, channel)
 
 
 def _measured(path: Path, content: bytes) -> MeasuredFile:

@@ -6,11 +6,14 @@ former in UTC, and a zone of 0 is what they write who know none.
 
 CC block: the range, the unit, 20 bytes, the type, the number of values or of pairs, and the values. A type 6 is a
 quotient of two straight lines of what is left of a number over an offset, computed as the rational one that it is.
-Types 7 and 8, exponential and logarithmic, are named and not read: programs are at odds over which of them is which.
+A type 12 has a text for ranges of numbers, and first of all one for any other number, which may be a scale of it:
+``0.5*{X}+3``. Types 7 and 8, exponential and logarithmic, are named and not read: programs are at odds over
+which of them is which.
 """
 
 from __future__ import annotations
 
+import re
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -22,6 +25,7 @@ from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import Damaged
 from recoil_acquisition.readers.mdf.channel_groups import HD_AT, ChannelGroup, DataGroup, MdfChannel, MdfDamageError
+from recoil_acquisition.readers.mdf.coded_conversion import BY_RANGE, CodedConversion, coded_conversion
 from recoil_acquisition.readers.mdf.conversion import VIRTUAL_MASTER
 from recoil_acquisition.readers.mdf.file_header import FLAGS_AT, Unfinished
 from recoil_acquisition.readers.mdf.measured import MeasuredFile, check_room, mdf_errors, measured_recording
@@ -33,6 +37,7 @@ from recoil_acquisition.readers.mdf.number_conversion import (
     RATIONAL,
     NumberConversion,
     checked_conversion,
+    enumeration_of,
 )
 from recoil_acquisition.readers.mdf3.groups import OldBlocks, OldGroups, counted
 from recoil_acquisition.readers.reader import Declarations
@@ -44,6 +49,10 @@ _KINDS = {0: LINEAR, 1: INTERPOLATED, 2: NEAREST, _POLYNOMIAL: RATIONAL, 9: RATI
 _OTHERS = {7: "an exponential conversion", 8: "a logarithmic conversion", 10: "a formula as text",
            11: "an enumeration (value to text)", 12: "an enumeration (range to text)", 132: "a date",
            133: "a time"}  # fmt: skip
+_BY_RANGE = 12
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_SCALED = re.compile(rf'"?\s*({_NUMBER})\s*\*\s*{{X}}\s*({_NUMBER})?\s*"?')
+"""Text that says how any other number is scaled, such as ``0.5*{X}+3``."""
 _RATE_AT, _VALUES_AT = 210, 46
 _LONGER = 0xFFFF
 """Length of a block that is longer than its length can say."""
@@ -60,7 +69,7 @@ _BUS = "frames of a bus in this file are not read: those of MDF 4 are"
 _REDUCED = "reduced samples, which this file has beside the samples themselves, are not read"
 
 
-def number_conversion(blocks: OldBlocks, channel: MdfChannel) -> NumberConversion | str:
+def number_conversion(blocks: OldBlocks, channel: MdfChannel) -> NumberConversion | CodedConversion | str:
     """Return the conversion of a channel to numbers, or why it has none; of a computed time, the step between two."""
     try:
         if channel.kind == VIRTUAL_MASTER:
@@ -68,6 +77,8 @@ def number_conversion(blocks: OldBlocks, channel: MdfChannel) -> NumberConversio
         if not channel.conversion_at:
             return NumberConversion(NONE, ())
         length, (*_, kind, count) = blocks.block(channel.conversion_at, "CC")
+        if kind == _BY_RANGE:
+            return _coded(blocks, channel.conversion_at, length, count)
         if kind not in _KINDS:
             return _OTHERS.get(kind, f"conversion {kind}")
         values = _values(blocks, channel.conversion_at, length, _count(_KINDS[kind], count))
@@ -93,6 +104,20 @@ def _values(blocks: OldBlocks, at: int, length: int, count: int) -> tuple[float,
     if length < _VALUES_AT + 8 * count and length != _LONGER:
         raise MdfDamageError(f"the conversion at byte {at} has {length} bytes for {count} numbers")
     return blocks.unpacked(f"{count}d", at + _VALUES_AT)
+
+
+def _coded(blocks: OldBlocks, at: int, length: int, count: int) -> CodedConversion | str:
+    """Return the conversion of a table of texts by range, of which the first is that of any other number."""
+    if length < _VALUES_AT + 20 * count and length != _LONGER:
+        raise MdfDamageError(f"the conversion at byte {at} has {length} bytes for {count} ranges")
+    rows = [blocks.unpacked("2dI", at + _VALUES_AT + 20 * row) for row in range(count)]
+    if not rows:
+        return enumeration_of(BY_RANGE)
+    (_, _, default), *rows = rows
+    found = _SCALED.fullmatch(blocks.text(default))
+    other = "" if found is None else checked_conversion(LINEAR, (float(found[2] or 0.0), float(found[1])))
+    meanings = [*(blocks.text(text) for _, _, text in rows), other]
+    return coded_conversion(BY_RANGE, [key for low, high, _ in rows for key in (low, high)], meanings)
 
 
 def _rational(p1: float, p2: float, p3: float, p4: float, p5: float, p6: float) -> tuple[float, ...]:
@@ -227,7 +252,7 @@ class OldContents:
             return None
         return low, high
 
-    def conversion_of(self, channel: MdfChannel) -> NumberConversion | str:
+    def conversion_of(self, channel: MdfChannel) -> NumberConversion | CodedConversion | str:
         """Return the conversion to numbers of a channel's block, or why it has none."""
         return number_conversion(self._blocks, channel)
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -20,11 +23,13 @@ from recoil_acquisition.readers.tdms.library import tdms_library
 SCALINGS = frozenset(
     {"Linear", "Polynomial", "RTD", "Table", "Thermocouple", "Thermistor", "Strain", "Add", "Subtract", "AdvancedAPI"}
 )
-"""Scalings that npTDMS carries out; it would pass over any other in silence."""
+"""Scalings that npTDMS carries out; it would pass over any other in silence, such as ``Reciprocal``."""
 MOST_SCALES = 256
 
 _WITHOUT_EFFECT = "AdvancedAPI"
 """A scaling that hands its input on: LabVIEW writes it where a program asked for none."""
+
+_OF_SCALE = re.compile(r"NI_Scale\[(\d{1,9})\]_")
 
 Kept = NDArray[np.int64] | None
 """Indices of the samples that the time base has; None if it has all."""
@@ -57,6 +62,10 @@ def rejection_reason(channel: Any, levels: tuple[Mapping[str, Any], ...], size: 
             counted = name == "NI_Number_Of_Scales" or (name.startswith("NI_Scale[") and name.endswith("_Size"))
             if counted and not (isinstance(value, (int, np.integer)) and 0 <= value <= MOST_SCALES):
                 return f"damaged: {name} is {value!r}"
+        if not is_scaled and (unused := _of_no_scale(properties)):
+            return f"its property {unused} is stated of no scale that counts"
+    if _is_scaled(levels[0]) and any(map(_scales, levels[1:])):
+        return "its samples are scaled by its NI_Scaling_Status and a scale of its file is stated: which counts is open"
     try:
         dtype = np.dtype(channel.dtype)
     except Exception as error:
@@ -78,6 +87,17 @@ def _is_scaled(properties: Mapping[str, Any]) -> bool:
     return bool(properties.get("NI_Scaling_Status", "unscaled") == "scaled")
 
 
+def _of_no_scale(properties: Mapping[str, Any]) -> str:
+    """Return the first property of a scale that has no type, or whose number is beyond that of the scales; or empty."""
+    stated = [(name, found) for name in properties if (found := _OF_SCALE.match(name)) is not None]
+    last = max((int(found[1]) for name, found in stated if name.endswith("_Scale_Type")), default=-1)
+    count = int(properties.get("NI_Number_Of_Scales", last + 1))
+    for name, found in stated:
+        if int(found[1]) >= count or f"NI_Scale[{found[1]}]_Scale_Type" not in properties:
+            return name
+    return ""
+
+
 def _scales(properties: Mapping[str, Any]) -> list[str]:
     """Return the names of the properties that state a type of scaling, those that have an effect."""
     types = [name for name, value in properties.items() if name.endswith("_Scale_Type") and value != _WITHOUT_EFFECT]
@@ -87,10 +107,19 @@ def _scales(properties: Mapping[str, Any]) -> list[str]:
 def _scaling_fault(channel: Any) -> str:
     """Say why the scaling of a channel cannot be carried out, by its first sample; empty if it can."""
     try:
-        first = np.asarray(channel.read_data(0, 1))
+        with _quiet():
+            first = np.asarray(channel.read_data(0, 1))
     except Exception as error:
         return _faulty_scaling(error)
     return "" if first.shape == (1,) and first.dtype.kind in "fiub" else f"its scaling makes {first.dtype} of it"
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Pass over numpy's warnings of the samples that npTDMS leaves open in a scaling, and fills in or gives as NaN."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.filterwarnings("ignore", message="'where' used without 'out'")
+        yield
 
 
 def _faulty_scaling(error: Exception) -> str:
@@ -114,7 +143,7 @@ class TdmsChannel:
 
     def read(self, start: int, stop: int) -> Any:
         """Read samples as npTDMS scales them."""
-        with BoundedFile(self.path) as file, tdms_library().TdmsFile.open(file, raw_timestamps=True) as tdms:
+        with BoundedFile(self.path) as file, tdms_library().TdmsFile.open(file, raw_timestamps=True) as tdms, _quiet():
             return tdms[self.group][self.name].read_data(start, stop - start, scaled=True)
 
     def samples(self, kept: Kept, start: int, stop: int) -> NDArray[np.float64]:

@@ -8,7 +8,6 @@ tabs, its first column ``Measurement time[s]``. The stated number of channels ma
 
 from __future__ import annotations
 
-import datetime as dt
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,7 +23,7 @@ from recoil_acquisition.readers.text.table_layout import TableLayout
 from recoil_acquisition.readers.text.time_base import TimeSource, rate_of_step
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
-from recoil_acquisition.readers.time.wall_clock import parse_time_of_day
+from recoil_acquisition.readers.time.wall_clock import DateOrder, parse_time_of_day, parse_wall_clock
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 _NAME = "DASYLab"
@@ -35,8 +34,6 @@ _DELTA_KEY, _DATE_KEY, _CHANNELS_KEY = "delta", "recording date", "number of cha
 _TIME_OF_DAY = "hh:mm:ss"
 _KEY = re.compile(r"([^:;\t]{1,60}?)\s*:\s*(.*)")
 _DELTA = re.compile(r"([\d.,]+(?:[eE][+-]?\d+)?)\s*(\S+)")
-_SLASHED_DATE = re.compile(r"(\d{1,2})/(\d{1,2})/(\d{4}),?\s+(\d{1,2}):(\d{2}):(\d{2})\s*([AP]M)", re.IGNORECASE)
-_DOTTED_DATE = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4}),?\s+(\d{1,2}):(\d{2}):(\d{2})")
 _REMEDY = "export relative time in seconds"
 
 
@@ -69,25 +66,14 @@ def step_from(text: str) -> float | None:
 
 
 def start_from(text: str) -> AbsoluteStart | None:
-    """Return the start that ``Recording date`` states; None if the order of day and month is not stated.
-
-    Only dates of the United States have ``AM`` and ``PM`` beside slashes; with dots the day is first.
-    """
-    match, dotted = _SLASHED_DATE.fullmatch(text), _DOTTED_DATE.fullmatch(text)
+    """Return the start that ``Recording date`` states; None if it states none, or not which number is the day."""
     try:
-        if match is not None:
-            month, day, year, hour, minute, second = map(int, match.groups()[:6])
-            if not 1 <= hour <= 12:
-                return None
-            hour = hour % 12 + (12 if match[7].upper() == "PM" else 0)
-        elif dotted is not None:
-            day, month, year, hour, minute, second = map(int, dotted.groups())
-        else:
-            return None
-        instant = dt.datetime(year, month, day, hour, minute, second)
+        stamp = parse_wall_clock(text)
     except ValueError:
         return None
-    return AbsoluteStart(instant.isoformat(timespec="seconds"), "unknown", "`Recording date` of the preamble")
+    if stamp.order is DateOrder.OPEN:
+        return None
+    return AbsoluteStart(stamp.text, stamp.zone, "`Recording date` of the preamble")
 
 
 class DasylabTextReader:

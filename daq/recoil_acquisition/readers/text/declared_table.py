@@ -15,7 +15,7 @@ from recoil_acquisition.readers.text.table_layout import TableLayout
 from recoil_acquisition.readers.text.time_base import TimeSource
 from recoil_acquisition.readers.text_file import LongText
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
-from recoil_acquisition.readers.time.wall_clock import parse_wall_clock
+from recoil_acquisition.readers.time.wall_clock import STAMP_FORMS, parse_wall_clock
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 _REMEDY = "correct `[source.layout]` in the rig file"
@@ -127,5 +127,5 @@ def _time(layout: TextLayout, headings: list[tuple[str, str]], path: Path) -> tu
         return TimeSource(at, unit_s=unit_s, rate_hz=layout.rate_hz, rate_origin=origin, remedy=_REMEDY), []
     return TimeSource(
         at, parse=parse_wall_clock, rate_hz=layout.rate_hz, rate_origin=origin,
-        remedy=f"{_REMEDY}: `time_unit` for relative time; stamps read yyyy-mm-dd hh:mm:ss or dd.mm.yyyy hh:mm:ss",
+        remedy=f"{_REMEDY}: `time_unit` for relative time; stamps read {STAMP_FORMS}",
     ), []  # fmt: skip

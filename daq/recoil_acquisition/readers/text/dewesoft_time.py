@@ -12,7 +12,7 @@ import re
 import numpy as np
 
 from recoil_acquisition.readers.time.printed_time import PART_ROWS, Times
-from recoil_acquisition.readers.time.wall_clock import Stamp, nanoseconds
+from recoil_acquisition.readers.time.wall_clock import Stamp, hour_of_day, nanoseconds
 
 DECADE_RATES_HZ = tuple(m * 10.0**k for k in range(7) for m in (1.0, 2.0, 5.0))
 """The rates 1, 2 and 5 times a power of ten that nearly every record has."""
@@ -53,7 +53,10 @@ FEWEST_STAMPS = 20
 
 _FIRST_OF_1900 = 69
 """Year of two digits from which on they are of the 20th century, as POSIX has it."""
-_STAMP = re.compile(r"(\d{1,2})-([^\W\d_]{3,5})\.?-(\d{2}|\d{4}) (\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?")
+_STAMP = re.compile(
+    r"(\d{1,2})-([^\W\d_]{3,5})\.?-(\d{2}|\d{4}) (\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?(?:\s*([ap]\.?m\.?))?",
+    re.IGNORECASE,
+)
 
 
 def is_absolute(cell: str) -> bool:
@@ -72,12 +75,12 @@ def parse_dewesoft_stamp(cell: str) -> Stamp:
     match = _STAMP.fullmatch(cell.strip())
     if match is None:
         raise ValueError(f"{cell[:40]!r} is not a stamp dd-Mmm-yy hh:mm:ss.mmm")
-    day, month, year, hour, minute, second, fraction = match.groups()
+    day, month, year, hour, minute, second, fraction, half = match.groups()
     number = MONTHS.get(month.casefold())
     if number is None:
         raise ValueError(f"{month!r} is not known as the name of one month")
     century = 0 if len(year) == 4 else 2000 if int(year) < _FIRST_OF_1900 else 1900
-    instant = dt.datetime(century + int(year), number, int(day), int(hour), int(minute), int(second))
+    instant = dt.datetime(century + int(year), number, int(day), hour_of_day(hour, half), int(minute), int(second))
     return Stamp(instant, nanoseconds(fraction), len(fraction or ""))
 
 

@@ -5,7 +5,8 @@ of the file ends with ``***End_of_Header***``, and so does that of each segment,
 ``Samples``, ``Date``, ``Time``, ``Y_Unit_Label``, ``X_Dimension``, ``X0`` and ``Delta_X``. A row ``X_Value`` names the
 columns, the last of which holds comments; rows of numbers follow up to an empty line. ``X_Columns`` says whether there
 is a column of time for all channels (``One``), one for each (``Multi``), or none (``No``): then time is ``X0`` and
-``Delta_X``. With ``Multi_Headings`` ``No`` further rows follow under the first head, so that it counts too few of them.
+``Delta_X``. By ``Time_Pref`` a column counts from its channels' date and time (``Relative``), or from 1904. With
+``Multi_Headings`` ``No`` further rows follow under the first head, so that it counts too few of them.
 
 Files leave out the tab before an empty comment, state no ``Decimal_Separator``, and date channels without samples to
 1903: what a row holds decides, and what a head says of a channel without samples is not taken for its time.
@@ -15,7 +16,7 @@ from __future__ import annotations
 
 import datetime as dt
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import accumulate
@@ -42,15 +43,16 @@ from recoil_acquisition.readers.text.cells import (
     whole_number,
 )
 from recoil_acquisition.readers.text.column_store import ColumnStore
+from recoil_acquisition.readers.text.lvm_segment import X_VALUE, Segment
 from recoil_acquisition.readers.text.recording import column_recording, same_times
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text.time_base import TimeSource, rate_of_step
 from recoil_acquisition.readers.text_file import LOOKED_AT, TextFile, read_text
+from recoil_acquisition.readers.time.wall_clock import DateOrder, parse_wall_clock
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 FIRST_LINE = "LabVIEW Measurement"
 _END = b"***End_of_Header***"
-_X_VALUE = b"X_Value"
 _SPECIAL = re.compile(rb"(?m)^\*\*\*(?:Start|(End))_Special\*\*\*[^\n]*\n?")
 _FOLLOWING = rb"(?:Channels|Samples|Notes|Test_|UUT_|Model_|Date|Time|\*\*\*)"
 """Words that begin the head of another segment."""
@@ -58,38 +60,15 @@ _SEPARATORS = {"tab": "\t", "comma": ","}
 _REMEDY = "copy the file again, or save it as TDMS"
 MOST_SEGMENTS = 10_000
 """Segments of a file that are read at most: each takes a millisecond, whatever is in it."""
+_MORE_DIGITS = re.compile(r"(\.\d{9})\d+")
+"""Digits of a second beyond those of a nanosecond."""
+_BEFORE = re.compile(r"190[0-4]/")
+"""Begin of a date that is LabVIEW's time zero, in some zone: it dates nothing."""
 _FIRST_YEAR = 1905
 """Year before which a date is that of LabVIEW's time zero, 1904, in some zone: it dates nothing."""
 _SINCE_1904 = dt.datetime(1904, 1, 1, tzinfo=dt.UTC)
 _ABSOLUTE_S = 1e9
 """Value of an X column from which on it counts the seconds since 1904, which it passed in 1935."""
-
-
-@dataclass(frozen=True)
-class _Segment:
-    """One segment: what its head states, and its rows.
-
-    Attributes
-    ----------
-    keys
-        Key -> values, one for each column behind the first.
-    names
-        Names of the columns, without that of the comments.
-    rows
-        Rows of numbers, one width each, as a text of their own.
-    line
-        Number of the first row's line in the file, from 1.
-    """
-
-    keys: Mapping[str, Sequence[str]]
-    names: tuple[str, ...]
-    rows: TextFile
-    line: int
-
-    def value(self, key: str, column: int) -> str:
-        """Return what the head states of a column; empty if it does not."""
-        values = self.keys.get(key, ())
-        return values[column - 1].strip() if 0 < column <= len(values) else ""
 
 
 @dataclass(frozen=True)
@@ -130,7 +109,7 @@ class LvmReader:
                 "there is no segment of samples", path=path,
                 expected="a row `X_Value` below a second `***End_of_Header***`", remedy=_REMEDY,
             )  # fmt: skip
-        parts = [_part(segment, head, declared.clock, path) for segment in segments]
+        parts = [_parts(segment, head, declared.clock, path) for segment in segments]
         said = {"header": dict(head.keys), "segments": len(parts)}
         return _joined(path, parts, said, "; ".join(filter(None, (file.cut, rest))), declared.clock)
 
@@ -157,15 +136,15 @@ def _file_head(file: TextFile) -> _FileHead:
     return _FileHead(keys, separator, x_columns, behind or file.size)
 
 
-def _segments(file: TextFile, head: _FileHead) -> tuple[list[_Segment], str]:
+def _segments(file: TextFile, head: _FileHead) -> tuple[list[Segment], str]:
     """Return the segments of a file in its order, and what stands behind the last of them; empty if nothing does."""
     data, at, counted, line = file.data, head.size, 0, 1
-    found: list[_Segment] = []
+    found: list[Segment] = []
     while (end := data.find(_END, at)) >= 0:
         keys = _segment_keys(_without_special(data[at:end]), file.encoding, head.separator)
         names_at = data.find(b"\n", end) + 1
         start = data.find(b"\n", names_at) + 1
-        if not names_at or not start or not data.startswith(_X_VALUE, names_at):
+        if not names_at or not start or not data.startswith(X_VALUE.encode(), names_at):
             break
         names = split_cells(data[names_at : start - 1].decode(file.encoding, errors="replace"), head.separator)
         while names and (not names[-1] or names[-1].casefold() == "comment"):
@@ -181,7 +160,7 @@ def _segments(file: TextFile, head: _FileHead) -> tuple[list[_Segment], str]:
                 f"more than {MOST_SEGMENTS} segments", path=file.path, place=f"line {line}",
                 remedy="save with one heading for all rows, or as TDMS",
             )  # fmt: skip
-        found.append(_Segment(keys, tuple(names), replace(file, data=rows, cut=""), line))
+        found.append(Segment(keys, tuple(names), replace(file, data=rows, cut=""), line))
         at = stop
     behind = data[at:].lstrip(b" \n" + head.separator.encode())
     line = data.count(b"\n", 0, len(data) - len(behind)) + 1
@@ -252,11 +231,59 @@ class _Part:
     notes: tuple[Remark, ...]
     missing: str
     """Sentence on the rows that the head states and that are not there; empty if all are."""
+    shifts_s: tuple[float, ...] = ()
+    """By how much the times of each recording are later than they stand in its column."""
 
 
-def _part(segment: _Segment, head: _FileHead, clock: str, path: Path) -> _Part:
+def _parts(segment: Segment, head: _FileHead, clock: str, path: Path) -> _Part:
+    """Return the channels of a segment, of which each may have a column of times."""
+    found: list[_Part] = []
+    none: NoSignalError | None = None
+    notes: list[Remark] = []
+    for one in segment.apart(head.separator) if head.x_columns == "multi" else [segment]:
+        try:
+            found.append(_part(one, head, clock, path))
+            notes += found[-1].notes
+        except NoSignalError as error:
+            none = error
+            notes += [one if isinstance(one, Remark) else Note(NoteCode.LEFT_OUT, None, one) for one in error.remarks]
+    if not found and none is not None:
+        raise none
+    shifts_s = [_shift_s(part, found[0], head, path) for part in found for _ in part.recordings]
+    return replace(
+        found[0], recordings=tuple(one for part in found for one in part.recordings), notes=tuple(notes),
+        missing="; ".join(filter(None, (part.missing for part in found))), shifts_s=tuple(shifts_s),
+    )  # fmt: skip
+
+
+def _shift_s(part: _Part, first: _Part, head: _FileHead, path: Path) -> float:
+    """Return how much later the times of channels are than they stand in their column, which counts from their date.
+
+    Raises
+    ------
+    ReadError
+        If the file does not say that they count from there, and they show it by nothing.
+    """
+    (signal, *_), zero_ns = part.recordings[0].signals, first.zero_ns
+    late_s = 0.0 if part.zero_ns is None or zero_ns is None else (part.zero_ns - zero_ns) / 1e9
+    if abs(late_s) <= _SAME_STAMP_NS / 1e9 or part.recordings[0].time_base(signal.name).start_s > _ABSOLUTE_S:
+        return 0.0
+    if head.keys.get("Time_Pref", "").casefold() != "relative":
+        raise _other_begins(signal.name, late_s, path, part.line)
+    return late_s
+
+
+def _other_begins(name: str, late_s: float, path: Path, line: int) -> ReadError:
+    return ReadError(
+        "channels of one segment begin at different times, and their columns of times do not show it",
+        path=path, place=f"line {line}", expected="one Date and Time", found=f"{name} {late_s:+.6g} s from the first",
+        remedy="save with relative times or without X columns, or each into its own file",
+    )  # fmt: skip
+
+
+def _part(segment: Segment, head: _FileHead, clock: str, path: Path) -> _Part:
     """Return the channels of a segment."""
-    columns = [i for i, name in enumerate(segment.names) if name != "X_Value"]
+    columns = [i for i, name in enumerate(segment.names) if name != X_VALUE]
     stated = {i: segment.value("Samples", i) for i in columns}
     empty = [i for i in columns if stated[i] == "0"]
     kept = [i for i in columns if stated[i] != "0"]
@@ -274,8 +301,9 @@ def _part(segment: _Segment, head: _FileHead, clock: str, path: Path) -> _Part:
             place=f"line {segment.line}", found="; ".join(notes), remedy="save the signals over time",
         )  # fmt: skip
     zero_ns = next((ns for i in used if (ns := _stamp_ns(segment, i)) is not None), None)
+    notes += _about_stamps(segment, used, path)
     groups: dict[tuple[Any, ...], list[int]] = {}
-    x_columns = list(accumulate((i * (name == "X_Value") for i, name in enumerate(segment.names)), max))
+    x_columns = list(accumulate((i * (name == X_VALUE) for i, name in enumerate(segment.names)), max))
     for i in used:
         groups.setdefault(_time_key(segment, head, i, x_columns[i]), []).append(i)
     first_rows = [split_cells(line, head.separator) for line in segment.rows.lines(2)]
@@ -339,16 +367,16 @@ def _about_step(step: str) -> Note:
     return Note(NoteCode.TIME, None, text)
 
 
-def _listed(segment: _Segment, columns: Sequence[int]) -> str:
+def _listed(segment: Segment, columns: Sequence[int]) -> str:
     return ", ".join(segment.names[i] for i in columns)
 
 
-def _headings(segment: _Segment) -> list[tuple[str, str]]:
+def _headings(segment: Segment) -> list[tuple[str, str]]:
     names, _ = unique_names([name or f"column {i}" for i, name in enumerate(segment.names)])
     return [(name, segment.value("Y_Unit_Label", i)) for i, name in enumerate(names)]
 
 
-def _time_key(segment: _Segment, head: _FileHead, column: int, x_column: int) -> tuple[Any, ...]:
+def _time_key(segment: Segment, head: _FileHead, column: int, x_column: int) -> tuple[Any, ...]:
     """Return where the time of a column comes from: the X column before it, or start and step as they are printed."""
     if head.x_columns != "no":
         return "column", x_column
@@ -356,7 +384,7 @@ def _time_key(segment: _Segment, head: _FileHead, column: int, x_column: int) ->
 
 
 def _about_column(
-    segment: _Segment, first_rows: Sequence[Sequence[str]], column: int, own: Sequence[int], path: Path
+    segment: Segment, first_rows: Sequence[Sequence[str]], column: int, own: Sequence[int], path: Path
 ) -> list[Remark]:
     """Compare a column of times with what the head states of the channels that it dates.
 
@@ -391,17 +419,27 @@ def _about_column(
     return [Note(NoteCode.CONTRADICTION, None, text)]
 
 
-def _refuse_other_stamps(segment: _Segment, own: Sequence[int], zero_ns: int | None, path: Path) -> None:
+def _about_stamps(segment: Segment, used: Sequence[int], path: Path) -> list[Remark]:
+    """Say that a date is not understood; refuse channels that such dates may put at different times."""
+    stated = {text: _stamp_ns(segment, i) for i in used if (text := segment.stamp_text(i))}
+    unknown = [text for text, stamp_ns in stated.items() if stamp_ns is None and not _BEFORE.match(text)]
+    if not unknown:
+        return []
+    if len(stated) > 1:
+        raise ReadError(
+            "channels of one segment begin at times that are not understood", path=path, place=f"line {segment.line}",
+            expected="a Date yyyy/mm/dd and a Time hh:mm:ss", found=", ".join(unknown[:3]), remedy=_REMEDY,
+        )  # fmt: skip
+    text = f"`Date` and `Time` are not understood, {unknown[0][:60]!r}: the start is not known"
+    return [Note(NoteCode.TIME, None, text)]
+
+
+def _refuse_other_stamps(segment: Segment, own: Sequence[int], zero_ns: int | None, path: Path) -> None:
     """Refuse channels with columns of times whose head dates them apart: from which instant each counts is a guess."""
     for i in own:
         stamp_ns = _stamp_ns(segment, i)
         if stamp_ns is not None and zero_ns is not None and abs(stamp_ns - zero_ns) > _SAME_STAMP_NS:
-            raise ReadError(
-                "channels of one segment begin at different times, and their columns of times do not show it",
-                path=path, place=f"line {segment.line}", expected="one Date and Time",
-                found=f"{segment.names[i]} {(stamp_ns - zero_ns) / 1e9:+.6g} s from the first",
-                remedy="save without X columns, or each into its own file",
-            )  # fmt: skip
+            raise _other_begins(segment.names[i], (stamp_ns - zero_ns) / 1e9, path, segment.line)
 
 
 def _source(key: tuple[Any, ...], zero_ns: int | None, path: Path) -> TimeSource:
@@ -419,7 +457,7 @@ def _source(key: tuple[Any, ...], zero_ns: int | None, path: Path) -> TimeSource
     return TimeSource(None, rate_hz=rate_of_step(step), rate_origin="from `Delta_X`", start_s=start, remedy=_REMEDY)
 
 
-def _decimal_comma(segment: _Segment, head: _FileHead) -> bool:
+def _decimal_comma(segment: Segment, head: _FileHead) -> bool:
     stated = head.keys.get("Decimal_Separator", "")
     if stated in (".", ","):
         return stated == ","
@@ -427,18 +465,15 @@ def _decimal_comma(segment: _Segment, head: _FileHead) -> bool:
     return head.separator != "," and has_decimal_comma([split_cells(line, head.separator) for line in rows])
 
 
-def _stamp_ns(segment: _Segment, column: int) -> int | None:
+def _stamp_ns(segment: Segment, column: int) -> int | None:
     """Return the date and time that a head states of a column, ns since 1970 in its own zone; None if there is none."""
-    date, time = segment.value("Date", column), segment.value("Time", column).replace(",", ".")
-    whole, _, fraction = time.partition(".")
     try:
-        instant = dt.datetime.strptime(f"{date} {whole}", "%Y/%m/%d %H:%M:%S").replace(tzinfo=dt.UTC)
+        stamp = parse_wall_clock(_MORE_DIGITS.sub(r"\1", segment.stamp_text(column).replace(",", ".")))
     except ValueError:
         return None
-    fraction_ns = whole_number(fraction[:9].ljust(9, "0"))
-    if instant.year < _FIRST_YEAR or fraction_ns is None:
+    if stamp.second.year < _FIRST_YEAR or stamp.order is DateOrder.OPEN:
         return None
-    return round(instant.timestamp()) * 10**9 + fraction_ns
+    return round(stamp.second.replace(tzinfo=dt.UTC).timestamp()) * 10**9 + stamp.fraction_ns
 
 
 def _joined(path: Path, parts: Sequence[_Part], said: Mapping[str, Any], cut: str, clock: str) -> Recording:
@@ -450,8 +485,9 @@ def _joined(path: Path, parts: Sequence[_Part], said: Mapping[str, Any], cut: st
         _channel(
             header,
             [_matching(part, own, at, header, path) for part, own in zip(parts, units, strict=True)],
-            offsets,
+            [offset + part.shifts_s[at] for part, offset in zip(parts, offsets, strict=True)],
             clock,
+            partial(_zero_s, first.recordings[0]),
             first.start,
             path,
         )
@@ -500,13 +536,13 @@ def _matching(part: _Part, units: Sequence[Mapping[str, str]], at: int, header: 
 
 def _channel(
     header: SignalHeader, pieces: Sequence[Recording], offsets: Sequence[float], clock: str,
-    start: AbsoluteStart | None, path: Path,
+    zero_s: Callable[[], float], start: AbsoluteStart | None, path: Path,
 ) -> StoredChannel:  # fmt: skip
     counts = [piece.header(header.name).sample_count for piece in pieces]
     ends = np.cumsum(counts)
     return StoredChannel(
         replace(header, sample_count=int(ends[-1])),
-        partial(_instants, header.name, pieces, offsets, clock, start, path),
+        partial(_instants, header.name, pieces, offsets, clock, zero_s, start, path),
         partial(_samples, header.name, pieces, ends),
         overloads=lambda: sum(piece.overloads(header.name) for piece in pieces),
     )
@@ -522,18 +558,31 @@ def _samples(
     return np.concatenate(found)
 
 
+def _zero_s(first: Recording) -> float:
+    """Return the first time of a column that counts the seconds since 1904; 0 of one that does not."""
+    start_s = first.time_base(first.signals[0].name).start_s
+    return start_s if start_s > _ABSOLUTE_S else 0.0
+
+
 def _instants(
     name: str,
     pieces: Sequence[Recording],
     offsets: Sequence[float],
     clock: str,
+    zero: Callable[[], float],
     start: AbsoluteStart | None,
     path: Path,
 ) -> TimeBase:
-    """Return the instants of a channel, those of each segment behind those of the one before."""
-    bases = [piece.time_base(name) for piece in pieces]
-    if len(bases) == 1:
-        return _dated(bases[0], clock, start)
+    """Return the instants of a channel, those of each segment behind those of the one before.
+
+    Times since 1904 begin at zero with the first channel, and date themselves.
+    """
+    bases, zero_s = [piece.time_base(name) for piece in pieces], zero()
+    if zero_s:
+        since = (_SINCE_1904 + dt.timedelta(seconds=zero_s)).replace(tzinfo=None).isoformat()
+        start, offsets = AbsoluteStart(since, "UTC", "seconds since 1904 in the column X_Value"), [-zero_s] * len(bases)
+    if len(bases) == 1 and bases[0].step_s is not None:
+        return TimeBase.uniform(clock, bases[0].start_s + offsets[0], bases[0].step_s, bases[0].count, start)
     times_s = np.concatenate([base.times_s + offset for base, offset in zip(bases, offsets, strict=True)])
     back = np.flatnonzero(np.diff(times_s) <= 0)
     if back.size:
@@ -543,16 +592,3 @@ def _instants(
             remedy="take the segments apart, and give the one that is meant",
         )  # fmt: skip
     return TimeBase.stamped(clock, times_s, start)
-
-
-def _dated(base: TimeBase, clock: str, start: AbsoluteStart | None) -> TimeBase:
-    """Return a time base with its start; a column that counts seconds since 1904 begins at zero, and dates itself."""
-    if base.count and base.start_s > _ABSOLUTE_S:
-        zero = _SINCE_1904 + dt.timedelta(seconds=base.start_s)
-        own = AbsoluteStart(zero.replace(tzinfo=None).isoformat(), "UTC", "seconds since 1904 in the column X_Value")
-        if base.step_s is not None:
-            return TimeBase.uniform(clock, 0.0, base.step_s, base.count, own)
-        return TimeBase.stamped(clock, base.times_s - base.start_s, own)
-    if base.step_s is not None:
-        return TimeBase.uniform(clock, base.start_s, base.step_s, base.count, start)
-    return TimeBase.stamped(clock, base.times_s, start)

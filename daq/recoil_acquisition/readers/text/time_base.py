@@ -20,7 +20,7 @@ from recoil_acquisition.readers.text.dewesoft_time import rate_from_stamps, spre
 from recoil_acquisition.readers.text.text_table import printed_decimals
 from recoil_acquisition.readers.time.printed_time import PART_ROWS, Times, start_agreeing, uniform_from_printed
 from recoil_acquisition.readers.time.time_units import DAY_S, MOST_S
-from recoil_acquisition.readers.time.wall_clock import Stamp, Stamps
+from recoil_acquisition.readers.time.wall_clock import DateOrder, Stamp, Stamps
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 FINE_STEPS = 50
@@ -160,9 +160,20 @@ def time_base(
     if stamps is None:
         return _from_relative(source, columns, PrintedColumn(columns, source.column, source.unit_s or 1.0), clock)
     column = PrintedColumn(columns, source.column, 1.0)
-    if source.wraps:
-        return _from_stamps(source, columns, stamps, np.unwrap(column[:], period=DAY_S), clock)
-    return _from_stamps(source, columns, stamps, column, clock)
+    seconds: Times = np.unwrap(column[:], period=DAY_S) if source.wraps else column
+    base, notes = _from_stamps(source, columns, stamps, seconds, clock)
+    return base, (*notes, *_about_order(stamps.first))
+
+
+def _about_order(first: Stamp | None) -> tuple[Remark, ...]:
+    """Say that the start is not known, where the first stamp may be of either of two days."""
+    if first is None or first.order is not DateOrder.OPEN:
+        return ()
+    text = (
+        f"whether the first date is {first.second.date()} or {first.ordered(DateOrder.DAY_FIRST).second.date()} is "
+        "not told: the start is not known"
+    )
+    return (Note(NoteCode.TIME, None, text),)
 
 
 def _row_number(source: TimeSource) -> Note:
@@ -266,8 +277,8 @@ def _from_stamps(
 ) -> tuple[TimeBase, tuple[Remark, ...]]:
     path, resolution_s = columns.block.file.path, stamps.resolution_s
     _refuse_backwards(columns, seconds)
-    if source.start is None and stamps.first is not None and not source.wraps:
-        source = replace(source, start=AbsoluteStart(stamps.first.text, stamps.first.zone, source.origin))
+    if source.start is None and stamps.start is not None and not source.wraps:
+        source = replace(source, start=AbsoluteStart(stamps.start.text, stamps.start.zone, source.origin))
     if source.rate_hz is not None:
         spread = spread_s(seconds, source.rate_hz)
         if spread > resolution_s * (1 + 1e-6) + 1e-9:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import datetime as dt
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +14,32 @@ from numpy.typing import NDArray
 MOST_KNOWN = 100_000
 """Stamps that are remembered: coarse ones repeat from row to row."""
 
+_MONTHS, _HOURS = 12, 12
+"""Of a year, and of half a day."""
 LEAST_ALIKE = 8
 """Stamps to each whole second, at least, for it to be worth looking at their fractions alone."""
 
-_TIME = r"(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?"
-_ISO = re.compile(r"(\d{4})[-/](\d{1,2})[-/](\d{1,2})[T ]\s*" + _TIME + r"\s*(Z|UTC|[+-]\d{2}:?\d{2})?", re.IGNORECASE)
-_DOTTED = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})[T ,]\s*" + _TIME + r"\s*(Z|UTC|[+-]\d{2}:?\d{2})?", re.IGNORECASE)
-_OF_DAY = re.compile(_TIME)
-_FRACTION = re.compile(r".*:\d{2}[.,](?P<digits>[0-9]{1,9})(?:\s*(?:Z|UTC|[+-]\d{2}:?\d{2}))?", re.IGNORECASE)
+_HALF = r"\s*([ap]\.?m\.?)"
+_TIME = r"(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?(?:" + _HALF + ")?"
+_ZONE = r"\s*(Z|UTC|[+-]\d{2}:?\d{2})?"
+_ISO = re.compile(r"(\d{4})[-/](\d{1,2})[-/](\d{1,2})[T ]\s*" + _TIME + _ZONE, re.IGNORECASE)
+_DOTTED = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})[T ,]\s*" + _TIME + _ZONE, re.IGNORECASE)
+_SLASHED = re.compile(r"(\d{1,2})([-/])(\d{1,2})\2(\d{4})[T ,]\s*" + _TIME + _ZONE, re.IGNORECASE)
+_OF_DAY = re.compile(_TIME, re.IGNORECASE)
+_FRACTION = re.compile(r".*:\d{2}[.,](?P<digits>[0-9]{1,9})(?:" + _HALF + ")?" + _ZONE, re.IGNORECASE)
+STAMP_FORMS = "yyyy-mm-dd hh:mm:ss, dd.mm.yyyy hh:mm:ss or mm/dd/yyyy hh:mm:ss, with am or pm or without"
+
+
+class DateOrder(StrEnum):
+    """Sign that tells which number of a date is the day."""
+
+    STATED = "stated"
+    """How it is written."""
+    DAY_FIRST = "day first"
+    MONTH_FIRST = "month first"
+    """One of the numbers, which is no month."""
+    OPEN = "open"
+    """Nothing: both may be months."""
 
 
 @dataclass(frozen=True)
@@ -30,17 +49,29 @@ class Stamp:
     Attributes
     ----------
     second
-        Date and time in whole seconds, without a zone.
+        Date and time in whole seconds, without a zone; with the month first, where that is open.
     decimals
         Number of decimals that were printed.
     zone
         Zone: ``UTC``, an offset such as ``+02:00``, or ``unknown``.
+    order
+        Sign that tells the order of day and month.
     """
 
     second: dt.datetime
     fraction_ns: int
     decimals: int
     zone: str = "unknown"
+    order: DateOrder = DateOrder.STATED
+
+    def ordered(self, order: DateOrder) -> Stamp:
+        """Return it by the order that other stamps have told."""
+        if self.order is not DateOrder.OPEN or order is DateOrder.OPEN:
+            return self
+        second = self.second
+        if order is DateOrder.DAY_FIRST:
+            second = second.replace(month=second.day, day=second.month)
+        return replace(self, second=second, order=order)
 
     @property
     def text(self) -> str:
@@ -50,27 +81,59 @@ class Stamp:
 
 
 def parse_wall_clock(cell: str) -> Stamp:
-    """Read a date and time whose order is beyond doubt: year first, or day, month and year with dots.
+    """Read a date and time: year first, or day, month and year with dots, or either of the two first with slashes.
 
     Raises
     ------
     ValueError
         If it is none, or no day of the calendar.
     """
-    text = cell.strip()
-    match = _ISO.fullmatch(text)
-    if match is not None:
+    text, order = cell.strip(), DateOrder.STATED
+    if (match := _ISO.fullmatch(text)) is not None:
         year, month, day, *rest = match.groups()
-    else:
-        match = _DOTTED.fullmatch(text)
-        if match is None:
-            raise ValueError(f"{text[:40]!r} is not a stamp yyyy-mm-dd hh:mm:ss or dd.mm.yyyy hh:mm:ss")
+    elif (match := _DOTTED.fullmatch(text)) is not None:
         day, month, year, *rest = match.groups()
-    hour, minute, second, fraction, zone = rest
+    elif (match := _SLASHED.fullmatch(text)) is not None:
+        month, _, day, year, *rest = match.groups()
+        order = _order(int(month), int(day))
+        if order is DateOrder.DAY_FIRST:
+            day, month = month, day
+    else:
+        raise ValueError(f"{text[:40]!r} is not a stamp {STAMP_FORMS}")
+    hour, minute, second, fraction, half, zone = rest
     if second == "60":
         raise ValueError(f"{text[:40]!r} is a leap second, behind which stamps cannot be counted: export relative time")
-    instant = dt.datetime(int(year), int(month), int(day), int(hour), int(minute), int(second))
-    return Stamp(instant, nanoseconds(fraction), len(fraction or ""), _zone(zone))
+    instant = dt.datetime(int(year), int(month), int(day), hour_of_day(hour, half), int(minute), int(second))
+    return Stamp(instant, nanoseconds(fraction), len(fraction or ""), _zone(zone), order)
+
+
+def _order(first: int, second: int) -> DateOrder:
+    """Return which of the first two numbers of a date is the month, where only one of them can be."""
+    if first == second:
+        return DateOrder.STATED
+    if max(first, second) <= _MONTHS:
+        return DateOrder.OPEN
+    return DateOrder.MONTH_FIRST if second > _MONTHS else DateOrder.DAY_FIRST
+
+
+def hour_of_day(hour: str, half: str | None) -> int:
+    """Return the hour from midnight of one that may be counted from noon.
+
+    Parameters
+    ----------
+    half
+        ``am`` or ``pm``, with dots or without; None where hours are counted through.
+
+    Raises
+    ------
+    ValueError
+        If there is no such hour in half a day.
+    """
+    if half is None:
+        return int(hour)
+    if not 1 <= int(hour) <= _HOURS:
+        raise ValueError(f"the hour {hour} {half} is none of half a day")
+    return int(hour) % _HOURS + _HOURS * (half[0] in "pP")
 
 
 def is_wall_clock(cell: str) -> bool:
@@ -83,7 +146,7 @@ def is_wall_clock(cell: str) -> bool:
 
 
 def parse_time_of_day(cell: str) -> Stamp:
-    """Read ``hh:mm:ss`` with or without a fraction, on the first day of the calendar.
+    """Read ``hh:mm:ss`` with or without a fraction and ``am`` or ``pm``, on the first day of the calendar.
 
     Raises
     ------
@@ -93,8 +156,9 @@ def parse_time_of_day(cell: str) -> Stamp:
     match = _OF_DAY.fullmatch(cell.strip())
     if match is None:
         raise ValueError(f"{cell[:40]!r} is not a time hh:mm:ss")
-    hour, minute, second, fraction = match.groups()
-    return Stamp(dt.datetime(1, 1, 1, int(hour), int(minute), int(second)), nanoseconds(fraction), len(fraction or ""))
+    hour, minute, second, fraction, half = match.groups()
+    instant = dt.datetime(1, 1, 1, hour_of_day(hour, half), int(minute), int(second))
+    return Stamp(instant, nanoseconds(fraction), len(fraction or ""))
 
 
 def is_time_of_day(cell: str) -> bool:
@@ -145,7 +209,13 @@ class Stamps:
         self._parse = parse
         self._known: dict[str, float] = {}
         self.first: Stamp | None = None
+        self._order = DateOrder.OPEN
         self.resolution_s = 1.0
+
+    @property
+    def start(self) -> Stamp | None:
+        """The first stamp of all, once others have told the order of its date where it does not; else None."""
+        return None if self.first is None or self.first.order is DateOrder.OPEN else self.first
 
     def seconds(self, cells: Sequence[str]) -> NDArray[np.float64]:
         """Return seconds from the first stamp of all, shape (n_cells,).
@@ -153,7 +223,8 @@ class Stamps:
         Raises
         ------
         ValueError
-            With the row as ``args[1]``, if a cell is no stamp, or of another zone than the first.
+            With the row as ``args[1]``, if a cell is no stamp, or of another zone than the first, or of another date
+            while the order of day and month is open.
         """
         regular = self._regular(cells)
         if regular is not None:
@@ -212,8 +283,14 @@ class Stamps:
         return self._nanoseconds(stamp) / 1e9
 
     def _nanoseconds(self, stamp: Stamp) -> int:
-        if self.first is None:
-            self.first = stamp
+        if stamp.order in (DateOrder.DAY_FIRST, DateOrder.MONTH_FIRST) and stamp.order is not self._order:
+            if self._order is not DateOrder.OPEN:
+                raise ValueError("day and month change places")
+            self._order = stamp.order
+        stamp = stamp.ordered(self._order)
+        self.first = (self.first or stamp).ordered(self._order)
+        if stamp.order is DateOrder.OPEN and stamp.second.date() != self.first.second.date():
+            raise ValueError("the date changes, and no day above 12 tells whether day or month is first")
         ahead_s = 0
         if stamp.zone != self.first.zone:
             if "unknown" in (stamp.zone, self.first.zone):

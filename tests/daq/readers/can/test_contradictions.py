@@ -14,13 +14,14 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.can.asc import read_asc
 from recoil_acquisition.readers.can.blf_objects import read_blf
 from recoil_acquisition.readers.can.candump import read_candump
-from recoil_acquisition.readers.can.csv import HEADER, read_can_csv
+from recoil_acquisition.readers.can.csv import HEADER, read_can_csv, read_canedge_csv
 from recoil_acquisition.readers.can.frames import CanLog
 from recoil_acquisition.readers.can.log import ASC, BLF, TRC, LogReader
 from recoil_acquisition.readers.can.sqlite import read_can_sqlite
 from recoil_acquisition.readers.can.trc import read_trc
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
+from tests.builders import can_logs
 from tests.builders.can_logs import can_sqlite
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import DBC, blf_log, blf_object, can_entries
@@ -54,6 +55,12 @@ def csv(lines: list[str]) -> CanLog:
     return read_can_csv("\n".join([HEADER, *rows, ""]).encode())
 
 
+def canedge(lines: list[str]) -> CanLog:
+    return read_canedge_csv(
+        "\n".join([can_logs.CANEDGE, *(f"{k}.5;{line}" for k, line in enumerate(lines)), ""]).encode()
+    )
+
+
 CASES = {
     "asc more": (asc, f"1  100  Rx   d 4 {EIGHT}"),
     "asc one more, as wide as another line": (asc, "1  100  Rx   d 7 01 02 03 04 05 06 07 08"),
@@ -70,12 +77,17 @@ CASES = {
     "trc fd length": (trc("N,O,T,I,d,l,D"), f"FD 0100 Rx 9 {EIGHT} 09"),
     "csv": (csv, "4 0102030405060708"),
     "csv fd": (csv, "9 010203040506070809"),
+    "canedge more": (canedge, "1;100;0;4;4;0;0;0;0102030405060708"),
+    "canedge code": (canedge, "1;100;0;4;8;0;0;0;0102030405060708"),
+    "canedge half a byte": (canedge, "1;100;0;8;8;0;0;0;010203040506070"),
+    "canedge wide": (canedge, "1;FFF;0;8;8;0;0;0;0102030405060708"),
 }  # fmt: skip
 
 SOUND = {
     asc: f"1  100  Rx   d 8 {EIGHT}",
     candump: "can0 100#0102030405060708",
     csv: "8 0102030405060708",
+    canedge: "1;100;0;8;8;0;0;0;0102030405060708",
 }
 
 

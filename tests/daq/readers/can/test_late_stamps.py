@@ -71,6 +71,7 @@ FORMATS: dict[str, Callable[[list[build.CanEntry]], bytes]] = {
     "trc": can_logs.trc_log,
     "log": build.candump_log,
     "csv": can_logs.can_csv,
+    "canedge.csv": can_logs.canedge_csv,
     "db": can_logs.can_sqlite,
     "mf4": mdf_logs.bus_log,
     "rdlog": host_capture,

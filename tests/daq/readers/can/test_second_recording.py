@@ -18,7 +18,7 @@ from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import surest_claim
 from recoil_acquisition.remark import CautionCode
-from tests.builders.can_logs import can_csv, can_sqlite, trc_log
+from tests.builders.can_logs import can_csv, can_sqlite, canedge_csv, trc_log
 from tests.builders.mdf_logs import bus_log
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import DBC, CanEntry, asc_log, blf_log, can_entries, candump_log
@@ -115,6 +115,7 @@ ANEW: dict[str, Callable[[], bytes]] = {
     "b.log": lambda: candump_log(entries(0)) + candump_log(entries(100)),
     "a.csv": lambda: can_csv(entries(0), zero_us=0) + without_header(can_csv(entries(100), zero_us=0), 1),
     "b.csv": lambda: can_csv(entries(0), zero_us=0) + can_csv(entries(100), zero_us=0),
+    "c.csv": lambda: canedge_csv(entries(0, from_ms=9000)) + canedge_csv(entries(100)),
     "a.db": lambda: can_sqlite([*entries(0, from_ms=9000), *entries(100)]),
     "a.trc": lambda: trc_log(entries(0), version="1.0") + trc_log(entries(100), version="1.0"),
     "a.asc": lambda: asc_log(entries(0)) + without_header(asc_log(entries(100)), 5),

@@ -22,7 +22,7 @@ from recoil_acquisition.readers.can import log as can_log
 from recoil_acquisition.readers.can.asc import read_asc
 from recoil_acquisition.readers.can.blf_objects import read_blf
 from recoil_acquisition.readers.can.candump import read_candump
-from recoil_acquisition.readers.can.csv import read_can_csv
+from recoil_acquisition.readers.can.csv import read_can_csv, read_canedge_csv
 from recoil_acquisition.readers.can.frames import CanFrames, CanLog
 from recoil_acquisition.readers.can.mdf import read_mdf
 from recoil_acquisition.readers.can.sqlite import read_can_sqlite
@@ -87,9 +87,14 @@ def test_every_version_of_a_trace_gives_the_same_frames(version: str) -> None:
 
 def test_every_other_log_gives_the_same_frames(tmp_path: Path) -> None:
     csv = read_can_csv(can_logs.can_csv(ENTRIES))
+    canedge = read_canedge_csv(can_logs.canedge_csv(ENTRIES, channel=2).replace(b"\r\n", b"\n"))
     sqlite = read_can_sqlite(written(tmp_path, "a.db", can_logs.can_sqlite(ENTRIES)))
     mdf = read_mdf(written(tmp_path, "a.mf4", mdf_logs.bus_log(ENTRIES, errors=2)))
-    assert as_entries(csv.frames) == ENTRIES
+    assert as_entries(csv.frames) == as_entries(canedge.frames) == ENTRIES
+    assert set(canedge.frames.channel.tolist()) == {2}
+    assert canedge.stores_buses
+    assert canedge.absolute_start is not None
+    assert canedge.absolute_start.zone == "UTC"
     for log in (sqlite, mdf):  # their stamps are float64 seconds
         assert [e[1:] for e in as_entries(log.frames)] == [e[1:] for e in ENTRIES]
         np.testing.assert_allclose(log.frames.time_s, [e[0] / 1e9 for e in ENTRIES], atol=3e-7, rtol=0)

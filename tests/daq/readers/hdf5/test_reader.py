@@ -386,3 +386,30 @@ def test_the_reported_table_of_records_gives_its_values_at_its_times() -> None:
     recording = Hdf5Reader().open(shared_file("reports/h5_compound.h5"), Declarations("dewetron"))
     np.testing.assert_allclose(recording.read("table/acc"), np.sin(50 * np.arange(100) / 1000), atol=1e-12)
     assert recording.time_base("table/acc").step_s == pytest.approx(1e-3)
+
+
+def test_an_enumeration_is_words_and_no_numbers(tmp_path: Path) -> None:
+    words = h5py.enum_dtype({"ok": 0, "not available": 255}, basetype="u1")
+    row = np.dtype([("x", "f8"), ("state", words)])
+
+    def fill(file: Any) -> None:
+        file.attrs["fs"] = 1000.0
+        file["acc"], file["beside"] = ramp(), ramp() > 3
+        file.create_dataset("state", data=np.array([0, 255] * 6, "u1"), dtype=words)
+        file["rows"] = np.zeros(12, row)
+
+    recording = opened(tmp_path, fill)
+    assert [header.name for header in recording.signals] == ["acc", "beside", "rows/x"]
+    assert "state: an enumeration ('not available', 'ok'): left out" in recording.notes
+    with pytest.raises(ReadError, match="an enumeration"):
+        recording.read("rows/state")
+
+
+def test_values_that_stand_for_words_of_a_flag_are_told(tmp_path: Path) -> None:
+    def fill(file: Any) -> None:
+        file.attrs["fs"] = 1000.0
+        file["quality"] = ramp()
+        file["quality"].attrs["flag_values"] = np.array([0, 255], "u1")
+        file["quality"].attrs["flag_meanings"] = "good not_available"
+
+    assert any("flag_values = 0, 255" in note for note in opened(tmp_path, fill).notes)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import struct
 import time
+import warnings
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -360,3 +361,81 @@ def test_what_the_library_warns_of_is_a_note_and_nothing_is_written(
     recording = opened(tmp_path, content[: len(content) - 300])
     assert recording.incomplete
     assert capfd.readouterr() == ("", "")
+
+
+def scale(number: int, kind: str, **values: Any) -> dict[str, Any]:
+    return {f"NI_Scale[{number}]_Scale_Type": kind} | {
+        f"NI_Scale[{number}]_{kind}_{name}": value for name, value in values.items()
+    }
+
+
+LINEAR = scale(0, "Linear", Slope=0.5, Y_Intercept=2.0)
+RTD = scale(0, "RTD", Current_Excitation=1e-3, R0_Nominal_Resistance=100.0, A=3.9083e-3, B=-5.775e-7, C=-4.183e-12,
+            Lead_Wire_Resistance=0.0, Resistance_Configuration=2, Input_Source=0xFFFFFFFF)  # fmt: skip
+THERMISTOR = scale(0, "Thermistor", Excitation_Type=10322, Excitation_Value=2.5, Resistance_Configuration=2,
+                   R1_Reference_Resistance=5000.0, Lead_Wire_Resistance=0.0, A=1.295e-3, B=2.34e-4, C=1.0e-7,
+                   Temperature_Offset=0.0, Input_Source=0xFFFFFFFF)  # fmt: skip
+STRAIN = scale(0, "Strain", Configuration=10183, Poisson_Ratio=0.3, Gage_Resistance=350.0, Lead_Wire_Resistance=0.0,
+               Initial_Bridge_Voltage=0.0, Gage_Factor=2.1, Bridge_Shunt_Calibration_Gain_Adjustment=1.0,
+               Voltage_Excitation=3.3, Input_Source=0xFFFFFFFF)  # fmt: skip
+COUPLE = scale(0, "Thermocouple", Thermocouple_Type=10073, Scaling_Direction=1, Input_Source=0xFFFFFFFF)
+TABLE = scale(0, "Table", Pre_Scaled_Values_Size=2, Scaled_Values_Size=2, Input_Source=0xFFFFFFFF) | {
+    f"NI_Scale[0]_Table_{name}Scaled_Values[{at}]": value
+    for name, pair in (("Pre_", (0.0, 1.0)), ("", (10.0, 30.0)))
+    for at, value in enumerate(pair)
+}
+POLYNOMIAL = scale(0, "Polynomial", Coefficients_Size=2, Input_Source=0xFFFFFFFF) | {
+    f"NI_Scale[0]_Polynomial_Coefficients[{at}]": value for at, value in enumerate((1.0, 3.0))
+}
+SUM = LINEAR | scale(1, "Add", Left_Operand_Input_Source=0, Right_Operand_Input_Source=0xFFFFFFFF)
+DIFFERENCE = LINEAR | scale(1, "Subtract", Left_Operand_Input_Source=0, Right_Operand_Input_Source=0xFFFFFFFF)
+
+
+@pytest.mark.filterwarnings("ignore:'where' used without 'out'")  # npTDMS's own, where it is asked directly
+@pytest.mark.parametrize(
+    "scales",
+    [LINEAR, RTD, THERMISTOR, STRAIN, COUPLE, TABLE, POLYNOMIAL, SUM, DIFFERENCE],
+    ids=["linear", "rtd", "thermistor", "strain", "thermocouple", "table", "polynomial", "add", "subtract"],
+)
+def test_scales_are_carried_out_as_nptdms_does_and_are_no_counts(scales: dict[str, Any], tmp_path: Path) -> None:
+    from nptdms import TdmsFile
+
+    stored = np.array([0.11, 0.12, 0.15, 0.5, 1.0])
+    count = 1 + max(int(name[9]) for name in scales)
+    content = tdms_file([("g", "a", stored, WAVE | scales | {"NI_Number_Of_Scales": count})])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        recording = opened(tmp_path, content)
+        values = recording.read("g/a")
+    with np.errstate(all="ignore"):
+        expected = TdmsFile.read(tmp_path / "a.tdms")["g"]["a"][:]
+    np.testing.assert_array_equal(values, expected)
+    assert not (expected == stored).any()
+
+
+@pytest.mark.parametrize(
+    "kind", ["Reciprocal", "Multiply", "Divide", "Logarithm", "Polynomial2", "linear", "AdvancedAPI2", "None", ""]
+)
+def test_a_scale_that_is_not_carried_out_leaves_its_channel_out_by_name(kind: str, tmp_path: Path) -> None:
+    for at in (0, 1):
+        scales = LINEAR | scale(at, kind, A=1.0) | {"NI_Number_Of_Scales": at + 1}
+        with pytest.raises(ReadError, match=f"its scaling '{kind}' is not covered"):
+            opened(tmp_path, tdms_file([("g", "a", np.arange(5, dtype=np.int16), WAVE | scales)]))
+
+
+@pytest.mark.parametrize(
+    ("own", "root"),
+    [
+        (LINEAR | {"NI_Number_Of_Scales": 0}, {}),
+        (LINEAR | scale(1, "Linear", Slope=3.0, Y_Intercept=0.0) | {"NI_Number_Of_Scales": 1}, {}),
+        ({name: value for name, value in LINEAR.items() if "Type" not in name}, {}),
+        ({}, LINEAR | {"NI_Number_Of_Scales": 0}),
+        ({"NI_Scaling_Status": "scaled"}, LINEAR | {"NI_Number_Of_Scales": 1}),
+    ],
+    ids=["of none", "beyond the last", "of no type", "above", "scaled below a scale"],
+)
+def test_a_scale_that_is_stated_and_does_not_count_leaves_its_channel_out(
+    own: dict[str, Any], root: dict[str, Any], tmp_path: Path
+) -> None:
+    with pytest.raises(ReadError, match=r"NI_Scal\S+ (is stated of no scale|and a scale of its file)"):
+        opened(tmp_path, tdms_file([("g", "a", np.arange(5, dtype=np.int16), WAVE | own)], root=root))

@@ -24,7 +24,7 @@ def test_delta_gives_the_rate_and_the_recording_date_the_start(tmp_path: Path) -
     assert (base.start_s, base.step_s) == (0.0, 0.2)
     start = recording.absolute_start
     assert start is not None
-    assert (start.text, start.zone) == ("2016-07-01T16:52:39", "unknown")
+    assert (start.text, start.zone) == ("2016-07-15T16:52:39", "unknown")
 
 
 def test_a_wrong_number_of_channels_is_noted_and_the_headings_count(tmp_path: Path) -> None:
@@ -68,11 +68,12 @@ def test_delta_is_read_in_the_units_it_states(text: str, step_s: float | None) -
 @pytest.mark.parametrize(
     ("text", "start"),
     [
-        ("7/1/2016,  4:52:39 PM", "2016-07-01T16:52:39"),
-        ("7/1/2016 12:00:01 AM", "2016-07-01T00:00:01"),
+        ("7/15/2016,  4:52:39 PM", "2016-07-15T16:52:39"),
+        ("7/7/2016 12:00:01 AM", "2016-07-07T00:00:01"),
+        ("7/1/2016, 4:52:39 PM", None),
         ("01.07.2016, 16:52:39", "2016-07-01T16:52:39"),
         ("7/1/2016 16:52:39", None),
-        ("13/1/2016 4:52:39 PM", None),
+        ("13/1/2016 4:52:39 PM", "2016-01-13T16:52:39"),
     ],
 )
 def test_a_date_is_read_only_where_its_order_is_told(text: str, start: str | None) -> None:
@@ -81,7 +82,7 @@ def test_a_date_is_read_only_where_its_order_is_told(text: str, start: str | Non
 
 
 def test_a_date_whose_order_is_not_told_is_noted(tmp_path: Path) -> None:
-    recording = opened(tmp_path, build.DASYLAB.replace(b"4:52:39 PM", b"16:52:39"))
+    recording = opened(tmp_path, build.DASYLAB.replace(b"7/15/2016", b"7/1/2016"))
     assert recording.absolute_start is None
     assert any("order of day and month" in note for note in recording.notes)
 

@@ -121,3 +121,31 @@ def test_what_the_file_does_not_have_is_refused(tmp_path: Path) -> None:
         opened(tmp_path, build.DECLARED, {**build.DECLARED_LAYOUT, "time_column": "T"})
     with pytest.raises(ReadError, match=r"line 2: the declared row of names has one cell only; expected .*';'"):
         opened(tmp_path, build.DECLARED, {**build.DECLARED_LAYOUT, "separator": ";"})
+
+
+SLASHED = {"separator": ";", "header_row": 1, "first_row": 2, "time_column": 1}
+
+
+def american(date: str, half: str = " PM") -> bytes:
+    return b"when;p\n" + b"".join(b"%s 2:23:05.%03d%s;%d\n" % (date.encode(), i, half.encode(), i) for i in range(100))
+
+
+def test_a_date_whose_order_is_open_dates_rows_from_the_first_and_no_start_is_known(tmp_path: Path) -> None:
+    recording = opened(tmp_path, american("03/04/2026"), SLASHED)
+    assert recording.time_base("p").step_s == 1e-3
+    assert recording.absolute_start is None
+    (note,) = recording.notes[-1:]
+    assert note == "whether the first date is 2026-03-04 or 2026-04-03 is not told: the start is not known"
+
+
+def test_a_date_of_one_order_alone_is_the_start(tmp_path: Path) -> None:
+    for date in ("03/14/2026", "14/03/2026", "14-3-2026"):
+        start = opened(tmp_path, american(date), SLASHED).absolute_start
+        assert start is not None
+        assert start.text == "2026-03-14T14:23:05.000"
+
+
+def test_a_date_that_changes_while_its_order_is_open_is_refused_with_its_line(tmp_path: Path) -> None:
+    rows = american("03/04/2026") + b"03/05/2026 12:00:00.000 AM;7\n"
+    with pytest.raises(CorruptFileError, match=r"line 102.*whether day or month is first"):
+        opened(tmp_path, rows, SLASHED).read("p")

@@ -205,3 +205,76 @@ def test_each_channel_without_a_column_of_times_begins_at_its_own_date(tmp_path:
 def test_more_rows_than_the_head_states_are_told(tmp_path: Path) -> None:
     few = [replace(one, samples="10") for one in columns()]
     assert any("the head states 10 rows, and 40 are there" in note for note in opened(tmp_path, Lvm([few])).notes)
+
+
+@pytest.mark.parametrize(("date", "time"), [("2026/08/03", "12:23:05.757 PM"), ("08/13/2026", "12:23:05.757")])
+def test_a_head_in_halves_of_the_day_or_with_slashes_dates_its_channels(date: str, time: str, tmp_path: Path) -> None:
+    one, other = (replace(column, date=date, time=time) for column in columns())
+    recording = opened(tmp_path, Lvm([[one, replace(other, time=time.replace("05.757", "06.007"))]]))
+    assert recording.time_base("p").times_s[0] == pytest.approx(0.25)
+    start = recording.absolute_start
+    assert start is not None
+    assert start.text.startswith(f"2026-08-{'03' if date.endswith('3') else '13'}T12:23:05.757")
+
+
+def test_a_head_whose_date_is_not_understood_gives_no_start_and_parts_no_channels(tmp_path: Path) -> None:
+    one, other = (replace(column, date="08/03/2026") for column in columns())
+    recording = opened(tmp_path, Lvm([[one, other]]))
+    assert recording.absolute_start is None
+    assert any("'08/03/2026 12:23:05" in note and "the start is not known" in note for note in recording.notes)
+    with pytest.raises(ReadError, match="channels of one segment begin at times that are not understood"):
+        read_all(tmp_path, Lvm([[one, replace(other, time="12:23:06.0070000000000000001")]]))
+
+
+SLOW_X = ["0.125000", "0.127000", "0.129000", "0.131000"]
+
+
+def of_own_times(**values: str) -> list[Column]:
+    fast, slow = columns(10)
+    slow = replace(slow, cells=slow.cells[:4], times=SLOW_X, x0="0.125", delta_x="0.002", **values)
+    return [replace(fast, times=seconds(10)), slow]
+
+
+def test_each_channel_of_its_own_column_of_times_has_its_own_time_base(tmp_path: Path) -> None:
+    recording = opened(tmp_path, Lvm([of_own_times()], "Multi"))
+    assert [(one.name, one.unit, one.sample_count) for one in recording.signals] == [
+        ("acc", "m/s^2", 10),
+        ("p", "Newtons", 4),
+    ]
+    fast, slow = (recording.time_base(name) for name in ("acc", "p"))
+    assert (fast.start_s, fast.step_s) == (0.0, 1e-3)
+    assert (slow.start_s, slow.step_s) == (pytest.approx(0.125), pytest.approx(2e-3))
+    np.testing.assert_array_equal(recording.read("p"), [0.0, -0.125, -0.25, -0.375])
+    assert not [note for note in recording.notes if "empty" in note]
+
+
+def test_columns_of_times_since_the_date_of_each_channel_begin_there(tmp_path: Path) -> None:
+    later = {"time": "12:23:06.0070000000000000001"}
+    recording = opened(tmp_path, Lvm([of_own_times(**later)], "Multi", preference="Relative"))
+    assert recording.time_base("p").start_s == pytest.approx(0.375)
+    with pytest.raises(ReadError, match=r"begin at different times.*p \+0.25 s from the first"):
+        read_all(tmp_path, Lvm([of_own_times(**later)], "Multi"))
+    alike = Lvm([changed(**later)], "Multi", [seconds()], preference="Relative")
+    assert opened(tmp_path, alike).time_base("p").start_s == pytest.approx(0.25)
+
+
+def test_columns_of_seconds_since_1904_have_one_zero(tmp_path: Path) -> None:
+    zero_s = 3_868_000_000
+    fast, slow = of_own_times(time="12:23:06.0070000000000000001")
+    own = [replace(one, times=[f"{zero_s + float(x):.6f}" for x in one.times]) for one in (fast, slow)]
+    recording = opened(tmp_path, Lvm([own], "Multi"))
+    assert recording.time_base("acc").start_s == 0.0
+    assert recording.time_base("p").start_s == pytest.approx(0.125, abs=1e-6)
+    starts = {recording.time_base(name).absolute_start for name in ("acc", "p")}
+    assert len(starts) == 1
+    second = [replace(one, times=[f"{10 + float(x):.6f}" for x in one.times], date="2026/08/04") for one in own]
+    recording = opened(tmp_path, Lvm([own, second], "Multi"))
+    assert recording.time_base("acc").times_s[[0, 10]] == pytest.approx([0.0, 10.0], abs=1e-5)
+
+
+def test_names_of_channels_with_columns_of_their_own_are_told_apart_and_others_left_out(tmp_path: Path) -> None:
+    one, other = of_own_times()
+    empty = replace(one, name="none", cells=[], times=[], samples="0")
+    recording = opened(tmp_path, Lvm([[one, replace(other, name="acc"), empty]], "Multi"))
+    assert [signal.name for signal in recording.signals] == ["acc", "acc#2"]
+    assert any("channels without samples were left out: none" in note for note in recording.notes)

@@ -87,3 +87,66 @@ def test_a_change_to_an_unknown_zone_is_named_with_its_row():
     with pytest.raises(ValueError, match="the zone changes from UTC to") as caught:
         Stamps(parse_wall_clock).seconds(cells)
     assert caught.value.args[1] == 40
+
+
+@pytest.mark.parametrize(
+    ("cell", "text"),
+    [
+        ("2026-08-03 02:23:05.25 pm", "2026-08-03T14:23:05.25"),
+        ("2026/8/3 12:00:00 AM", "2026-08-03T00:00:00"),
+        ("3.8.2026 12:00:00 p.m.", "2026-08-03T12:00:00"),
+        ("08/25/2026 2:23:05,250 PM", "2026-08-25T14:23:05.250"),
+        ("25/08/2026 14:23:05", "2026-08-25T14:23:05"),
+        ("25-08-2026, 14:23:05Z", "2026-08-25T14:23:05"),
+        ("08/08/2026 14:23:05", "2026-08-08T14:23:05"),
+    ],
+)
+def test_a_date_is_read_whose_order_only_one_reading_has_and_halves_of_the_day_are(cell, text):
+    stamps = Stamps(parse_wall_clock)
+    assert stamps.seconds([cell]).tolist() == [0.0]
+    assert stamps.start.text == text
+
+
+@pytest.mark.parametrize("cell", ["13/13/2026 14:23:05", "08/25/2026 14:23:05 PM", "2026-08-03 0:23:05 am", "1:00 PM"])
+def test_what_no_calendar_or_clock_has_is_refused(cell):
+    with pytest.raises(ValueError, match=r"is not a|month must be|the hour"):
+        Stamps(parse_wall_clock).seconds([cell])
+
+
+@pytest.mark.parametrize(
+    ("cells", "seconds", "start"),
+    [
+        (["03/04/2026 11:59:59 PM", "03/04/2026 11:59:59.5 PM"], [0.0, 0.5], None),
+        (["03/12/2026 23:59:59", "03/13/2026 00:00:01"], [0.0, 2.0], "2026-03-12T23:59:59"),
+        (["12/03/2026 23:59:59", "13/03/2026 00:00:01"], [0.0, 2.0], "2026-03-12T23:59:59"),
+        (["02/28/2026 23:59:59", "03/01/2026 00:00:01"], [0.0, 2.0], "2026-02-28T23:59:59"),
+    ],
+)
+def test_a_day_above_twelve_anywhere_tells_the_order_of_all_dates(cells, seconds, start):
+    stamps = Stamps(parse_wall_clock)
+    together = [float(stamps.seconds([cell])[0]) for cell in cells]
+    assert together == seconds
+    assert Stamps(parse_wall_clock).seconds(cells).tolist() == seconds
+    assert (None if stamps.start is None else stamps.start.text) == start
+
+
+@pytest.mark.parametrize(
+    ("cells", "problem"),
+    [
+        (["03/04/2026 23:59:59", "03/05/2026 00:00:01"], "whether day or month is first"),
+        (["05/05/2026 23:59:59", "05/06/2026 00:00:01"], "whether day or month is first"),
+        (["03/25/2026 23:59:59", "25/03/2026 23:59:59"], "day and month change places"),
+    ],
+)
+def test_dates_that_change_while_their_order_is_open_are_refused(cells, problem):
+    with pytest.raises(ValueError, match=problem) as caught:
+        Stamps(parse_wall_clock).seconds(cells)
+    assert caught.value.args[1] == 1
+
+
+def test_a_time_of_day_in_halves_is_read():
+    cells = ["11:59:59.5 AM", "12:00:00 PM", "1:00:00 PM"]
+    assert Stamps(parse_time_of_day).seconds(cells).tolist() == [0.0, 0.5, 3600.5]
+    cells = [f"01:00:00.{i:03d} PM" for i in range(100)]
+    np.testing.assert_allclose(Stamps(parse_time_of_day).seconds(cells), 1e-3 * np.arange(100), rtol=0, atol=1e-12)
+    assert parse_dewesoft_stamp("3-Aug-26 02:23:05.123 PM").second == dt.datetime(2026, 8, 3, 14, 23, 5)
