@@ -42,6 +42,9 @@ def _faults_of_sources(file: RigFile) -> list[Fault]:
             if source.align is not None:
                 problem = "the reference clock is not aligned to anything; leave it out"
                 faults.append(Fault((*where, "align"), problem, FaultCode.CONTRADICTION))
+            if not source.required:
+                problem = "the reference clock's source cannot stay away: all other clocks are aligned to it"
+                faults.append(Fault((*where, "required"), problem, FaultCode.CONTRADICTION))
         elif source.align is None:
             remedy = 'declare `align = { method = "motion" | "redundant" | "trigger" | "exposure" | "fixed", ... }`'
             faults.append(Fault((*where, "align"), f"is missing; {remedy}", FaultCode.MISSING))

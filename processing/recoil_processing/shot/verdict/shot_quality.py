@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -35,7 +36,7 @@ from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, check_
 from recoil_processing.shot.verdict.consequence import weighed
 from recoil_processing.shot.verdict.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
 from recoil_processing.shot.verdict.sensor_quality import check_sensors
-from recoil_rigs.rig import Rig
+from recoil_rigs.rig import Rig, Source
 from recoil_rigs.shots.assemble import about_unknown_unit, unknown_unit
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.calibration_day import CalibrationDay
@@ -44,6 +45,7 @@ NO_REST = (
     "the record begins in motion: the zero of an accelerometer is known as its `u_zero_rel` says, to 1 % of its range "
     "if left out; the noise at rest is taken for that of the quietest part"
 )
+NONE_LEFT_OUT: Mapping[str, str] = MappingProxyType({})
 UNCHECKED = (
     "no accelerometer on the recoiling part: the camera's scale and velocity, and the forces' sign, impulse and skew, "
     "cannot be checked by it; the residual of camera track and forces is what there is"
@@ -55,6 +57,7 @@ def check_shot(
     alignments: Sequence[ClockAlignment],
     recordings: Mapping[str, Recording],
     day: CalibrationDay,
+    without: Mapping[str, str] = NONE_LEFT_OUT,
 ) -> tuple[QualityCheck, ...]:
     """Check all channels and clocks of a shot, and what its acquisition lost.
 
@@ -64,6 +67,8 @@ def check_shot(
         Recordings by source: what their readers noted becomes part of the verdict.
     day
         Day that the calibrations must cover.
+    without
+        Sources that somebody left out, each with the name of its file, empty if none was given.
 
     Returns
     -------
@@ -74,7 +79,8 @@ def check_shot(
     for source in fired.rig.sources:
         wanted = [c.name for c in fired.rig.channels_of(source.name)]
         if wanted and not any(name in fired.shot.channels for name in wanted):
-            checks.append(QualityCheck(source.name, Check.FILE, "fail", _absent(source.name, wanted, fired.shot)))
+            absent = _absent(source, wanted, fired.shot, without)
+            checks.append(QualityCheck(source.name, Check.FILE, "fail", absent))
         if source.name in recordings:
             checks += _file_checks(source.name, recordings[source.name])
             if source.kind == "camera":
@@ -82,7 +88,11 @@ def check_shot(
     checks += _unknown_units(fired.rig, recordings)
     checks += _file_names(recordings)
     essential = {c.source for c in fired.rig.channels if c.role}
-    checks += check_acquisition(fired.shot.acquisition, recordings, essential)
+    checks += [
+        check
+        for check in check_acquisition(fired.shot.acquisition, recordings, essential)
+        if check.channel not in without
+    ]
     checks += check_clock_fits(fired.shot.clock_fits)
     by_clock = {a.clock: a for a in alignments}
     # of a motion, and of what the mass hangs on, the thinned channels tell the same
@@ -100,15 +110,21 @@ def check_shot(
     return tuple(weighed(checks, lean, recoil))
 
 
-def _absent(source: str, wanted: Sequence[str], shot: Shot) -> str:
+def _absent(source: Source, wanted: Sequence[str], shot: Shot, without: Mapping[str, str]) -> str:
     """Say why a shot has no channel of a source."""
+    name, missing = source.name, f"{', '.join(wanted)} missing"
+    if name in without:
+        file = f" and its file {without[name]}" if without[name] else ""
+        return f"source {name}{file} left out, as asked: {missing}; add its file to have it"
     acquired = () if shot.acquisition is None else shot.acquisition.sources
-    if any(one.name == source and one.blocks for one in acquired):
+    if any(one.name == name and one.blocks for one in acquired):
         return (
-            f"all that source {source} delivered was taken outside the shot's window: {', '.join(wanted)} missing; "
+            f"all that source {name} delivered was taken outside the shot's window: {missing}; "
             "find what keeps the host from reading it, before the next shot"
         )
-    return f"no file of source {source} was given: {', '.join(wanted)} missing; add its file"
+    if not source.required:
+        return f"nothing of source {name}, which may stay away: {missing}; add its file to have it"
+    return f"no file of source {name} was given: {missing}; add its file"
 
 
 def _channels(
