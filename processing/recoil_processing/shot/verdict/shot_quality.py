@@ -21,6 +21,7 @@ from recoil_acquisition.remark import Caution, CautionCode
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
+from recoil_processing.quality.loss_checks import GAP_STEPS
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.signals import BASELINE_MARGIN_S, collect_signals
 from recoil_processing.shot.thinned import thinned
@@ -46,6 +47,8 @@ NO_REST = (
     "if left out; the noise at rest is taken for that of the quietest part"
 )
 NONE_LEFT_OUT: Mapping[str, str] = MappingProxyType({})
+SHOWS_MOTION = 0.05
+"""Share of a channel's peak, of an accelerometer's velocity, from which on it shows a motion."""
 UNCHECKED = (
     "no accelerometer on the recoiling part: the camera's scale and velocity, and the forces' sign, impulse and skew, "
     "cannot be checked by it; the residual of camera track and forces is what there is"
@@ -103,6 +106,7 @@ def check_shot(
     recoil = recoil_of(lean, by_clock) if onset is not None or not fired.rig.mechanism.recoils_once else None
     checks += _channels(fired, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
     checks += [_alignment_check(alignment) for alignment in alignments]
+    checks = _with_gaps_named(checks, fired, alignments)
     checks += shifts
     checks += check_sensors(fired, alignments)
     faults = fired.rig.not_calibrated(day)
@@ -286,6 +290,41 @@ def _alignment_check(a: ClockAlignment) -> QualityCheck:
     if a.status == "ambiguous":
         return QualityCheck(a.clock, Check.ALIGNMENT, "warn", worded(f"{text}; ambiguous: ", joined("; ", a.reasons)))
     return QualityCheck(a.clock, Check.ALIGNMENT, "ok", text)
+
+
+def _with_gaps_named(
+    checks: Sequence[QualityCheck], fired: FiredShot, alignments: Sequence[ClockAlignment]
+) -> list[QualityCheck]:
+    """Name what is missing of the reference clock in the motion by which a clock is aligned that is in doubt."""
+    doubtful = {a.clock for a in alignments if a.status != "ok"}
+    clocks: dict[str, list[str]] = {}
+    for source in fired.rig.sources:
+        against = fired.shot.channels.get(getattr(source.align, "against", None) or "")
+        if source.name in doubtful and against is not None and _gap_in_motion(against):
+            clocks.setdefault(against.name, []).append(source.name)
+    return [
+        replace(
+            check,
+            check=Check.REFERENCE_GAP,
+            detail=worded(check.detail, f"; it is the motion by which {', '.join(clocks[check.channel])} is aligned"),
+        )
+        if check.channel in clocks and check.check in (Check.TIME_STEPS, Check.LOSSES) and check.verdict != "ok"
+        else check
+        for check in checks
+    ]
+
+
+def _gap_in_motion(channel: Channel) -> bool:
+    """Return whether several samples in a row are missing between the first and the last that shows a motion."""
+    there = np.isfinite(channel.measured)
+    times, samples = channel.time_base.times_s[there], channel.measured[there]
+    if samples.size < LEAST_SAMPLES:
+        return False
+    moves, steps = samples - np.median(samples[: samples.size // 10 + 1]), np.diff(times)
+    if channel.quantity == "acceleration":  # small where the part coasts
+        moves = np.cumsum(moves[1:] * steps)
+    first, *_, last = np.flatnonzero(np.abs(moves) >= SHOWS_MOTION * np.abs(moves).max())
+    return bool(np.any(steps[first : last + 1] > GAP_STEPS * np.median(steps)))
 
 
 def _zero_shift(alignment: ClockAlignment, shot: Shot, onset: float | None) -> list[QualityCheck]:
