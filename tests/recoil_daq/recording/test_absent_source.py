@@ -32,8 +32,9 @@ def test_a_camera_that_did_not_fire_leaves_a_usable_shot_and_a_valid_mass(
     assert identified.exit_code == 0, identified.output
     report = json.loads((tmp_path / "reports" / "0001" / "report.json").read_text("utf-8"))
     assert (report["valid"], report["reasons"]) == (True, [])
-    aside = [one["text"] for one in report["findings"] if one["code"] == "set aside"]
-    assert any(text.startswith("camera is set aside: no file of source camera") for text in aside)
+    (aside,) = [one for one in report["findings"] if one["code"] == "set aside"]
+    assert (aside["about"], aside["severity"]) == ("camera", "warn")
+    assert any(text.startswith("camera is set aside: no file of source camera") for text in report["notes"])
 
 
 @pytest.mark.whole_way
