@@ -34,6 +34,9 @@ _SURROUNDINGS = {
     # as `recoil_acquisition.child_process.ChildProcess`: no modules from the folder that the user happens to be in
     "PYTHONSAFEPATH": "1",
 }
+_QUIET = "ignore:resource_tracker:UserWarning"
+"""Option ``-W`` of what is started: the process that takes away the pool's semaphores behind one that was killed says
+so, which nobody can mend."""
 _STARTING = threading.Lock()
 _WORKING = threading.Lock()
 """Lock that is held, in a process of `WorkerProcesses`, while it is at work."""
@@ -95,9 +98,11 @@ def _surroundings() -> Iterator[None]:
         script = sys.modules["__main__"]
         os.environ.update(_SURROUNDINGS)
         sys.modules["__main__"] = ModuleType("__main__")
+        sys.warnoptions.append(_QUIET)
         try:
             yield
         finally:
+            sys.warnoptions.remove(_QUIET)
             sys.modules["__main__"] = script
             for name, value in before.items():
                 if value is None:

@@ -32,6 +32,9 @@ _CAUSES: Mapping[StrEnum, frozenset[StrEnum]] = MappingProxyType({
     Check.SET_ASIDE: _FROM_AWAY | {Check.DELIVERY, Check.CONNECTION, Check.LOST_FRAMES},
     Check.SENSOR: frozenset({Check.SENSOR, Check.RANGE, Check.FLAT_TOPS}),
     Check.FILE: frozenset({ReasonCode.ROLE}),
+    Check.REFERENCE_GAP: frozenset({
+        Check.REFERENCE_GAP, Check.ALIGNMENT, ReasonCode.CLOCK, ReasonCode.ROLE, Check.TIME_STEPS,
+    }),
     Check.CODE: frozenset({Check.ONSET, Check.FORCE}),
     Check.OVERFLOW: frozenset({Check.ONSET, Check.FORCE}),
     Check.DELIVERY: _FROM_AWAY,
@@ -46,14 +49,21 @@ _CAUSES: Mapping[StrEnum, frozenset[StrEnum]] = MappingProxyType({
 })  # fmt: skip
 """Finding on a source -> what follows from it of the source, its channels and their roles; what explains more first.
 From one on a channel follows what is said of that channel alone, from one on what measures a force what is said of the
-force."""
+force, from a gap of the reference what is said of the clocks that it leaves in doubt."""
 _OF_CHANNELS = (Check.SENSOR,)
+_OF_CLOCKS = (Check.ALIGNMENT, ReasonCode.CLOCK)
 _OF_A_FORCE = (Check.CODE, Check.OVERFLOW)
 _OF_FORCES = ("pressure", "force")
 _FORCES = (ReasonCode.ROLE, Check.FILE, Check.DELIVERY)
 _BROKEN = (Check.CONSTANT, *_OF_A_FORCE)
 _MOTION = (Check.ONSET, Check.FORCE)
-_CLOCKS = (Check.LATE_STAMPS, ReasonCode.CLOCK, *(one for one in _FROM_LATE if isinstance(one, Check)), Check.SET_ASIDE)
+_CLOCKS = (
+    Check.LATE_STAMPS,
+    Check.REFERENCE_GAP,
+    ReasonCode.CLOCK,
+    *(one for one in _FROM_LATE if isinstance(one, Check)),
+    Check.SET_ASIDE,
+)
 
 
 def by_cause(found: Sequence[OneRemark], subjects: Sequence[Subject]) -> tuple[list[OneRemark], list[OneRemark]]:
@@ -88,12 +98,16 @@ def by_cause(found: Sequence[OneRemark], subjects: Sequence[Subject]) -> tuple[l
 
     quantities = {subject.channel: subject.quantity for subject in subjects if subject.role}
 
+    doubtful = {source(one) for one in found if one.code in _OF_CLOCKS}
+
     def of_a_force(one: Remark) -> bool:
         return quantities.get(str(one.about)) in _OF_FORCES
 
     def related(code: StrEnum, one: Remark, that: Remark) -> bool:
         if code in _OF_A_FORCE:
             return of_a_force(one)
+        if code is Check.REFERENCE_GAP and that.code in (*_OF_CLOCKS, ReasonCode.ROLE):
+            return source(that) in doubtful
         return one.about == that.about if code in _OF_CHANNELS else source(that) == source(one)
 
     causes: dict[int, list[int]] = {}

@@ -240,6 +240,10 @@ def _without_unknown_keys(model: type[BaseModel], table: dict[str, Any]) -> dict
     return known
 
 
+UNKNOWN_KEY = "unknown key"
+"""Beginning of the problem of a key that a table should not have."""
+
+
 def unknown_keys(table: Mapping[str, Any], known: Sequence[str], where: KeyPath) -> list[Fault]:
     """Name the keys of a table that it should not have, each with the nearest known one."""
     return [unknown_key((*where, key), str(key), known) for key in table if key not in known]
@@ -247,7 +251,7 @@ def unknown_keys(table: Mapping[str, Any], known: Sequence[str], where: KeyPath)
 
 def unknown_key(place: KeyPath, key: str, known: Sequence[str]) -> Fault:
     """Name a key that a table should not have, with the nearest known one if any is near."""
-    return Fault(place, f"unknown key; {did_you_mean(key, sorted(known), quote='`')}", FaultCode.UNKNOWN)
+    return Fault(place, f"{UNKNOWN_KEY}; {did_you_mean(key, sorted(known), quote='`')}", FaultCode.UNKNOWN)
 
 
 def checked(kind: type[Recorded], document: Mapping[str, Any]) -> Recorded:

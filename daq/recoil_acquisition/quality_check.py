@@ -48,6 +48,8 @@ class Check(StrEnum):
     FLAT_TOPS = "flat tops"
     HELD_VALUES = "held values"
     TIME_STEPS = "time steps"
+    REFERENCE_GAP = "gap of the reference"
+    """Samples are missing in the motion by which another clock, that is in doubt, is aligned."""
     BASELINE = "baseline"
     STEADY_BASELINE = "steady baseline"
     LEVEL_AFTER = "level after"

@@ -145,6 +145,8 @@ class NoteCode(StrEnum):
     """The file holds another recording behind the first one."""
     TIME = "time"
     """Where instants come from, and what the file does not state of them or of its start."""
+    OWN_RATE = "own rate"
+    """A channel of a table is slower than its rows."""
     CONTRADICTION = "contradiction"
     """Two statements differ; the note says which of them counts."""
     UNITS = "units"

@@ -1,6 +1,7 @@
 """Commands that make shot files and keep their log."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -84,6 +85,14 @@ def ingest(
             help="FILES is one folder of many shots' files, whose numbers are in their names, or with a folder a shot.",
         ),
     ] = False,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Source that did not fire, or is not to be taken; may be given more than once.",
+            show_default=False,
+        ),
+    ] = None,
     workers: WorkersOption = None,
     replaces: Annotated[str, typer.Option(hidden=True)] = "",
     json: JsonOption = False,
@@ -100,7 +109,8 @@ def ingest(
         if shot is not None and not (shot.isdecimal() and len(shot) <= 9):
             raise typer.BadParameter("with --live, --shot is the number of the first shot")
         first = None if shot is None else int(shot)
-        _live(rig, out, first, shots, watch, spare, files_within_s, no_screen, not no_identify, json, debug)
+        left = tuple(without or ())
+        _live(rig, out, first, shots, watch, spare, files_within_s, no_screen, not no_identify, left, json, debug)
         return
     if not files:
         raise typer.BadParameter("give one shot's FILES, or --live")
@@ -109,7 +119,7 @@ def ingest(
     if batch:
         if len(files) != 1 or shot is not None or at is not None:
             raise typer.BadParameter("--batch takes one folder, and neither --shot nor --at")
-        _batch(rig, files[0], out, overwrite, accept_incomplete, workers, json, debug)
+        _batch(rig, files[0], out, overwrite, accept_incomplete, without or (), workers, json, debug)
         return
     if workers is not None:
         raise typer.BadParameter("--workers goes with --batch")
@@ -123,14 +133,15 @@ def ingest(
         with session.steps("ingest") as progress:
             done = ingest_files(
                 load_rig(rig), files, shot=shot, out=out, overwrite=overwrite,
-                accept_incomplete=accept_incomplete, at_s=at, replaces=replaces, progress=progress,
+                accept_incomplete=accept_incomplete, at_s=at, replaces=replaces, without=without or (),
+                progress=progress,
             )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.shot.usable else NOT_VALID)
 
 
 def _batch(
-    rig: str, folder: Path, out: Path, overwrite: bool, accept_incomplete: bool, workers: int | None, json: bool,
-    debug: bool,
+    rig: str, folder: Path, out: Path, overwrite: bool, accept_incomplete: bool, without: Sequence[str],
+    workers: int | None, json: bool, debug: bool,
 ) -> None:  # fmt: skip
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_rig
@@ -141,14 +152,15 @@ def _batch(
         with session.steps("ingest") as progress:
             done = ingest_folder(
                 load_rig(rig), folder, out=out, overwrite=overwrite, accept_incomplete=accept_incomplete,
-                workers=workers, progress=progress,
+                without=without, workers=workers, progress=progress,
             )  # fmt: skip
         session.finish(done.to_json(), done.show, FAULT if done.failed else OK if done.usable else NOT_VALID)
 
 
 def _live(
     rig: str, out: Path, first: int | None, shots: int | None, watch: Path | None, spare: Path | None,
-    files_within_s: float, no_screen: bool, identify: bool, json: bool, debug: bool,
+    files_within_s: float, no_screen: bool, identify: bool, without: tuple[str, ...], json: bool,
+    debug: bool,
 ) -> None:  # fmt: skip
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_rig
@@ -161,7 +173,9 @@ def _live(
         refuse_no_rig(rig, "recoil-daq ingest RIG --live")
         loaded = load_rig(rig)
         added = None if json or is_virtual_rig(loaded) else _asked_mass()
-        options = LiveOptions(out, shots, first, watch, files_within_s, spare, identify=identify, added_mass=added)
+        options = LiveOptions(
+            out, shots, first, watch, files_within_s, spare, identify=identify, added_mass=added, without=without
+        )
         with live_display(plain=no_screen, as_json=json) as display:
             done = run_live(loaded, options, display)
         document = done.to_json()

@@ -27,6 +27,7 @@ from recoil_acquisition.readers.serial.fitting import MOST_BYTES
 from recoil_acquisition.readers.serial.frame_fields import CLOCK_FIELD, CLOCK_MODULO, COUNTER_FIELD
 from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from recoil_acquisition.readers.text.proposed_layout import propose_layout
+from recoil_acquisition.remark import NoteCode
 from recoil_acquisition.typed_quantity import TypedError
 from recoil_daq.drafting.answer import a_number, a_table, as_text, one_of
 from recoil_daq.drafting.other_rig import OtherRig
@@ -290,7 +291,8 @@ def _opened(recording: Recording, name: str, kind: str, format_name: str, **more
             which = f"the {MOST_SAMPLES:,} about {shot_s:.6g} s, where it goes farthest,"
         long = (f"{recording.path.name}: of {longest:,} samples {which} were compared",)
     cut = (f"{recording.path.name} was cut off: {recording.incomplete}",) if recording.incomplete else ()
-    notes = (*more.pop("notes", ()), *cut, *long, *undated)
+    slower = (str(note) for note in recording.notes if note.code is NoteCode.OWN_RATE)
+    notes = (*more.pop("notes", ()), *cut, *long, *undated, *(f"{recording.path.name}: {text}" for text in slower))
     return RecordedSource(name, kind, recording.path, format_name, signals=signals, notes=notes, **more)
 
 

@@ -22,6 +22,7 @@ from recoil_daq.live.recovered import RecoveredShot
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState, free_number
 from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.left_out import left_out
 from recoil_rigs.shots.live_sources import live_sources
 from recoil_rigs.twin.range_day import RangeDay, is_virtual_rig
 
@@ -65,6 +66,7 @@ def run_live(
     """
     trigger_of(rig)  # what is at fault is refused before anything is written
     live_sources(rig)
+    left_out(rig, options.without, armed=True)
     if options.watch is not None:
         _refuse_own_folder(options.watch, options.out)
         if not is_virtual_rig(rig):

@@ -134,7 +134,8 @@ def _listen(
             try:
                 device = open_source(s)
             except RecoilDaqError as error:
-                heard.append(ChannelHeard(s.name, "", "", 0.0, None, None, "fail", str(error)))
+                verdict: Verdict = "fail" if rig.source(s.name).required else "warn"
+                heard.append(ChannelHeard(s.name, "", "", 0.0, None, None, verdict, str(error)))
                 continue
             blocks[s.name] = []
             readers[s.name] = DeviceReader(device, blocks[s.name].append)

@@ -8,7 +8,7 @@ import json
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from recoil_acquisition.capture.live_source import LiveSource, open_source
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, reserve_bytes, session_folder
 from recoil_acquisition.clocks.host_clock import anchor
 from recoil_acquisition.devices.device import Device
-from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError, quoted
+from recoil_acquisition.errors import DeviceError, Fault, FaultCode, RecoilDaqError, RigError, quoted
 from recoil_acquisition.files.new_file import give_name, partial_path
 from recoil_acquisition.trigger import ShotWindow, Trigger
 from recoil_daq.live.device_losses import DeviceLosses
@@ -36,6 +36,7 @@ from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT
 from recoil_daq.live.trigger_decisions import PARTS_OF_REST, TriggerDecisions
 from recoil_daq.warm_worker import WarmWorker
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.left_out import left_out
 from recoil_rigs.shots.live_sources import live_sources, told_by
 
 RESERVE_S = 60.0
@@ -59,12 +60,27 @@ def trigger_of(rig: Rig) -> Trigger:
 
 
 @contextlib.contextmanager
-def opened(sources: Sequence[LiveSource]) -> Iterator[dict[str, Device]]:
-    """Open the devices of some sources; all are closed if one cannot be, and at the end."""
+def opened(
+    sources: Sequence[LiveSource],
+    may_stay_away: Collection[str] = (),
+    notice: Callable[[str], None] = lambda _: None,
+) -> Iterator[dict[str, Device]]:
+    """Open the devices of some sources; all are closed if one cannot be, and at the end.
+
+    Parameters
+    ----------
+    may_stay_away
+        Sources whose devices need not open; a notice says which did not.
+    """
     devices: dict[str, Device] = {}
     try:
         for source in sources:
-            devices[source.name] = open_source(source)
+            try:
+                devices[source.name] = open_source(source)
+            except DeviceError as error:
+                if source.name not in may_stay_away:
+                    raise
+                notice(f"armed without {source.name}, which may stay away: {error}")
         yield devices
     finally:
         for device in devices.values():
@@ -120,11 +136,12 @@ class LiveRange:
         self._rest_s = rest_s
         self._trigger = trigger_of(rig)
         self._devices = devices
-        self._sources = live_sources(rig, devices)
+        self._without = left_out(rig, options.without, armed=True)
+        self._sources = self._taken(live_sources(rig, devices))
         self._live = {source.name: source for source in self._sources}
         self._channels = {channel.name: channel for source in self._sources for channel in source.channels}
         live = set(self._live)
-        elsewhere = {s.name for s in rig.sources if s.name not in live and rig.channels_of(s.name)}
+        elsewhere = {s.name for s in rig.sources if s.name not in live | self._without and rig.channels_of(s.name)}
         previewed = frozenset(s.name for s in self._sources if s.live_kind.is_preview)
         self._files = DroppedFiles(rig, options, display, elsewhere, self._trigger.post_s, previewed, left)
         rest = self._rest = RestWatch()
@@ -186,7 +203,11 @@ class LiveRange:
         """
         if self._files.where:
             self._display.notice(self._files.where)
-        with opened(self._sources) as devices:
+        watched = {channel.source for channel in self._rig.channels if channel.name in self._trigger.channels}
+        optional = {s.name for s in self._rig.sources if not s.required} - watched
+        with opened(self._sources, optional, self._display.notice) as devices:
+            self._without |= {source.name for source in self._sources if source.name not in devices}
+            self._sources = self._taken(self._sources)
             self._meet(told_by(self._sources, devices))
             session = self._session(devices)
             with self._interruption:
@@ -200,10 +221,14 @@ class LiveRange:
                     self._end(session)
         return self._outcome
 
+    def _taken(self, sources: Sequence[LiveSource]) -> tuple[LiveSource, ...]:
+        """Return the sources of a session: all but those that are left out of it."""
+        return tuple(source for source in sources if source.name not in self._without)
+
     def _meet(self, told: Mapping[str, Mapping[str, str]]) -> None:
         """Take what the open devices tell of their signals; RigError if that contradicts the rig, with every case."""
         if told:
-            self._sources = live_sources(self._rig, self._devices, told)
+            self._sources = self._taken(live_sources(self._rig, self._devices, told))
             self._live.update((source.name, source) for source in self._sources)
             self._channels.update((channel.name, channel) for source in self._sources for channel in source.channels)
 
@@ -350,7 +375,7 @@ class LiveRange:
 
     def _to_come(self, shot: LiveShot) -> bool:
         """Return whether a shot is still on its way to its shot file while the session ends."""
-        if not shot.growing and (shot.state not in (ShotState.WAITING, ShotState.NOT_WHOLE) or not shot.missing):
+        if not shot.growing and (shot.state not in (ShotState.WAITING, ShotState.NOT_WHOLE) or not shot.awaited):
             return not shot.at_rest
         growing = self._files.growing
         return growing and time.monotonic() - self._ending_s < self._options.files_within_s

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 from recoil_acquisition.capture.live_session import LiveSession
 from recoil_daq.live.added_mass import NOT_STATED, AddedMass, AddedMassEntry
 from recoil_daq.live.display import Display
+from recoil_daq.live.shot import LiveShot
 from recoil_daq.live.shots.dropped_files import DroppedFiles
 from recoil_daq.live.shots.shot_work import ShotWork
 
@@ -71,6 +72,10 @@ class RangeKeys:
             return False
         elif key == "m":
             self._entry = AddedMassEntry()
+        elif key == "c" and (waiting := self._work.dispensable):
+            shot, names = next(iter(waiting.items()))
+            text = f"shot {shot.name} waits for {', '.join(names)}: did not fire, go on without? y yes, n wait"
+            self._ask(text, partial(self._go_on_without, shot, names))
         else:
             self._files.answered(key)
         return key == "q"
@@ -85,6 +90,11 @@ class RangeKeys:
         """Arm, and trigger by hand; return that the session goes on."""
         self._arm(session)
         session.fire()
+        return False
+
+    def _go_on_without(self, shot: LiveShot, names: Sequence[str]) -> bool:
+        """Wait no longer for files of a shot; return that the session goes on."""
+        self._work.go_on_without(shot, names)
         return False
 
     def _ask(self, text: str, yes: Callable[[], bool]) -> None:

@@ -195,8 +195,8 @@ class RangeShot:
         channels = () if shot.document is None else shot.document.get("channels", ())
         peaks = {one["name"]: (one["low"], one["high"]) for one in channels if one.get("low") is not None}
         return cls(
-            shot.name, shot.state, shot.missing, shot.settled, shot.why, shot.verdict,
-            left_s if shot.state is ShotState.WAITING and (shot.missing or shot.growing) else None, peaks, shot.mass,
+            shot.name, shot.state, shot.awaited, shot.settled, shot.why, shot.verdict,
+            left_s if shot.state is ShotState.WAITING and (shot.awaited or shot.growing) else None, peaks, shot.mass,
             mass_to_come=mass_to_come,
             figures=_figures(shot),
             problem=shot.problem,

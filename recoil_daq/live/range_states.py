@@ -137,8 +137,9 @@ class RangeStates:
         """Return how a source is, and since when and for how long yet its files are waited for."""
         live = next((one for one in status.sources if one.name == source.name), None)
         ended, lost = status.state == "stopped", source.name in self._losses.lost
-        state = "for files" if live is None else source_state(live, lost=lost, ended=ended)
-        wait = [s for s in self._shots if source.name in s.missing and not s.settled]
+        absent = "not open" if source.device is not None else "for files"
+        state = absent if live is None else source_state(live, lost=lost, ended=ended)
+        wait = [s for s in self._shots if source.name in s.awaited and not s.settled]
         waited_s = max((now_s - s.complete_s for s in wait if s.captured is not None), default=None)
         waits = waited_s is not None and self._files.watched and not ended
         return RangeSource(

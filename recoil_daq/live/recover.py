@@ -252,7 +252,7 @@ def _recover_shot(
     whole = capture_has(journal, path, *span_ns)
     has = {source.name for source in acquisition.sources if source.file}
     live = {source.name for source in record.sources}
-    missing = tuple(s.name for s in rig.sources if rig.channels_of(s.name) and s.name not in live)
+    missing = tuple(s.name for s in rig.sources if rig.channels_of(s.name) and s.required and s.name not in live)
     shot_file, log_fault = out / f"{name}.h5" if (out / f"{name}.h5").exists() else made_of(path, out), ""
     problem = ""
     if shot_file is None and not missing and rig.reference_clock in has:

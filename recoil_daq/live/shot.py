@@ -85,7 +85,9 @@ class LiveShot:
     files
         Files of the shot, its capture and those dropped into the watched folder; keys are the sources' names.
     wanted
-        Sources whose files it waits for.
+        Sources whose files may come.
+    unawaited
+        Sources among them that it does not wait for: they may stay away, or somebody said that they did not fire.
     previewed
         Sources that are read live and write a file of their own too, for which nothing waits.
     complete_s
@@ -116,6 +118,7 @@ class LiveShot:
     acquisition: Acquisition | None = None
     files: dict[str, Path] = field(default_factory=dict)
     wanted: set[str] = field(default_factory=set)
+    unawaited: set[str] = field(default_factory=set)
     previewed: frozenset[str] = frozenset()
     complete_s: float = 0.0
     document: Mapping[str, Any] | None = None
@@ -131,6 +134,11 @@ class LiveShot:
     def missing(self) -> tuple[str, ...]:
         """Sources whose files have not come."""
         return tuple(sorted(self.wanted - set(self.files)))
+
+    @property
+    def awaited(self) -> tuple[str, ...]:
+        """Sources whose files it waits for."""
+        return tuple(name for name in self.missing if name not in self.unawaited)
 
     @property
     def previews(self) -> frozenset[str]:
@@ -201,6 +209,8 @@ class LiveOptions:
         Whether every usable shot is identified while the session goes on.
     added_mass
         Mass that the shots to come carry, until somebody at the keys states another; None if nobody stated any.
+    without
+        Sources that are left out of the session: no device of theirs is opened, and no file waited for.
     """
 
     out: Path = Path("shots")
@@ -211,6 +221,7 @@ class LiveOptions:
     spare: Path | None = None
     identify: bool = False
     added_mass: AddedMass | None = None
+    without: tuple[str, ...] = ()
 
 
 @dataclass

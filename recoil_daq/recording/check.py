@@ -14,6 +14,7 @@ from recoil_acquisition.errors import Fault, FaultCode, KeyPath, MissingChannelE
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.quality_check import Check
 from recoil_acquisition.quantity import Unit
+from recoil_acquisition.readers.own_rows import own_base
 from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording, SignalHeader
 from recoil_acquisition.remark import Caution, Note, NoteCode, ReasonCode, Severity, findings_of
@@ -216,6 +217,12 @@ class _AgainstFiles:
             self._faults.append(_of_file(path, f"the file was cut off: {recording.incomplete}; copy it again"))
         self.warnings += [_of_file(path, str(note)) for note in recording.notes if isinstance(note, Caution)]
         self._compare_frame_rate(recording, source)
+        read = {spec.signal: spec.name for spec in self._rig.channels_of(source.name)}
+        self.notes += [
+            Note(NoteCode.OWN_RATE, read[note.about], f"{path.name}: {note}")
+            for note in recording.notes
+            if note.code is NoteCode.OWN_RATE and note.about in read
+        ]
         wanted = self._rig.channels_of(source.name)
         if source.database is not None and wanted and not recording.signals:
             self._faults.append(_no_frame_fits(source, recording))
@@ -268,7 +275,7 @@ class _AgainstFiles:
         key = (Row("channel", spec.name),)
         try:
             header = find_signal(recording, spec.signal)
-            base = recording.time_base(header.name)
+            base = own_base(recording, header.name)
         except RecoilDaqError as error:
             self._faults.append(_fault_of_file(recording.path, error, (*key, "signal")))
             return row

@@ -36,6 +36,8 @@ class ConversionTask:
         Line on why a shot file that is there is made anew; empty if none may be.
     overwrite
         Whether one that is there is of this conversion, begun before by a process that ended.
+    without
+        Sources that are left out of it.
     """
 
     rig: Path
@@ -46,11 +48,15 @@ class ConversionTask:
     out: Path
     replaces: str = ""
     overwrite: bool = False
+    without: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, rig: Rig, files: Sequence[Path], shot: str, out: Path, replaces: str = "") -> ConversionTask:
+    def of(
+        cls, rig: Rig, files: Sequence[Path], shot: str, out: Path, replaces: str = "", without: Sequence[str] = ()
+    ) -> ConversionTask:
         """Return the conversion of a shot that was acquired with a rig."""
-        return cls(rig.path, rig.text, dict(rig.databases), tuple(files), shot, out, replaces)
+        path, text, databases = rig.path, rig.text, dict(rig.databases)
+        return cls(path, text, databases, tuple(files), shot, out, replaces, without=tuple(without))
 
 
 def convert(task: ConversionTask) -> tuple[int, dict[str, Any]]:
@@ -58,8 +64,9 @@ def convert(task: ConversionTask) -> tuple[int, dict[str, Any]]:
     try:
         rig = parse_rig(task.rig_text, task.rig, task.databases)
         done = ingest_files(
-            rig, task.files, shot=task.shot, out=task.out, overwrite=task.overwrite, replaces=task.replaces
-        )
+            rig, task.files, shot=task.shot, out=task.out, overwrite=task.overwrite, replaces=task.replaces,
+            without=task.without,
+        )  # fmt: skip
         _HELD[:] = [done.shot]
     except RecoilDaqError as error:
         return FAULT, error_document(error)

@@ -15,6 +15,7 @@ from recoil_acquisition.log.capture import Capture, read_capture
 from recoil_acquisition.readers.can.frames import key_of
 from recoil_acquisition.readers.can.messages import identifier_text
 from recoil_acquisition.readers.captured import LIVE, sources_of
+from recoil_acquisition.readers.own_rows import own_base
 from recoil_acquisition.readers.reader import Declarations, Reader
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import BY_LAYOUT, TableReader, readers
@@ -344,12 +345,12 @@ def _signals(recording: Recording) -> list[dict[str, Any]]:
     """Describe the signals and their instants."""
     rows = []
     for header in recording.signals:
-        base = recording.time_base(header.name)
+        base = own_base(recording, header.name)
         rows.append(
             {
                 "name": header.name,
                 "unit": header.unit,
-                "samples": header.sample_count,
+                "samples": base.count,
                 "dtype": header.dtype,
                 **_instants(base),
                 "metadata": dict(header.metadata),

@@ -42,6 +42,7 @@ from recoil_rigs.rig import Rig, Source
 from recoil_rigs.shots.assemble import assemble_channels, match_files
 from recoil_rigs.shots.assumptions import assumptions_of
 from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.shots.left_out import left_out
 from recoil_rigs.shots.long_recording import cut_long_recordings
 from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.tables.rig_tables import SHOT_PLACE
@@ -122,6 +123,7 @@ def ingest_files(
     replaces: str = "",
     log: bool = True,
     doubles: bool = False,
+    without: Sequence[str] = (),
     progress: Progress = lambda _: None,
 ) -> Ingested:
     """Turn one shot's recorded files into a verified shot file, and add its row to the shot log beside it.
@@ -153,6 +155,9 @@ def ingest_files(
     doubles
         Whether the caller has looked for another shot in the folder that was made of the same files; if not, it is
         looked for here.
+    without
+        Sources that are left out of the shot: they did not fire, or what they recorded is not to be taken. The verdict
+        says so, and whether there is a mass without them.
     progress
         Function called with the name of each step.
 
@@ -171,12 +176,18 @@ def ingest_files(
     if shot is not None:
         _check_name(shot)
     progress("recognise")
+    left = left_out(rig, without)
     given = [Path(f) for f in files]
+    # a file that by its name is of nothing else is not looked at, whatever is in it
+    named = {path: {source.name for source in rig.matching(path.name)} for path in given}
+    passed = {next(iter(named[path])): path.name for path in given if named[path] and named[path] <= left}
+    given = [path for path in given if not named[path] or not named[path] <= left]
     were = {path: _state(path) for path in given}
     claimed = [(path, explained_reader_of(path, rig)) for path in given]
     # held until all of its sources are read
     captures = {path: read_capture(path) for path, reader in claimed if reader.kind == LIVE}
     matched = match_sources(rig, claimed)
+    passed |= {source: matched.pop(source).name for source in left if source in matched}
     readers = dict(claimed)
     acquisition = _acquisition_of(list(captures), rig)
     if rig.reference_clock not in matched:
@@ -226,6 +237,7 @@ def ingest_files(
         DAY: day.on.isoformat(),
         DAY_OF: day.of.value,
         **({EXCERPTS: excerpts} if excerpts else {}),
+        **({"without": sorted(left)} if left else {}),
     }
     inputs = tuple(InputFile.of(path, source, recordings[source].reader) for source, path in matched.items())
     if not doubles:
@@ -253,7 +265,9 @@ def ingest_files(
     rig, log_fault = as_planned(rig, target, name)
     alignments = align_clocks(FiredShot(assembled, rig))
     progress("check")
-    quality = check_shot(FiredShot(assembled, rig), alignments, recordings, day)
+    quality = check_shot(
+        FiredShot(assembled, rig), alignments, recordings, day, {name: passed.get(name, "") for name in left}
+    )
     parameters |= {ADDED_MASS: rig.added_mass_kg} if rig.added_mass_kg else {}
     against_mass = against_the_record(FiredShot(replace(assembled, alignments=alignments, quality=quality), rig))
     finished = assembled.with_results(alignments, quality, Step(INGEST, __version__, parameters), against_mass)

@@ -24,6 +24,7 @@ from recoil_daq.terminal.verdict_line import VerdictLine
 from recoil_daq.workers import Workers
 from recoil_rigs.rig import Rig, parse_rig
 from recoil_rigs.shots.assemble import match_files
+from recoil_rigs.shots.left_out import left_out
 from recoil_rigs.tables.rig_tables import SHOT_PLACE
 
 _NO_FILE = "neither a file nor a folder"
@@ -163,6 +164,7 @@ def ingest_folder(
     out: str | Path = "shots",
     overwrite: bool = False,
     accept_incomplete: bool = False,
+    without: Sequence[str] = (),
     workers: int | Workers | None = None,
     executor: Executor | None = None,
     progress: Progress = lambda _: None,
@@ -180,6 +182,8 @@ def ingest_folder(
         in `folder`, the row is taken from that.
     accept_incomplete
         Whether what is there of files that were cut off is taken, as by `recoil_daq.recording.ingest.ingest_files`.
+    without
+        Sources that are left out of every shot, as there.
     workers, executor
         Workers that share the shots, as `recoil_daq.workers.Workers` takes them.
     progress
@@ -196,6 +200,7 @@ def ingest_folder(
         If there is no such folder, no file of a shot in it, or a shot log in it is at fault.
     """
     place, target = Path(folder), Path(out)
+    left_out(rig, without)
     progress("sort the files")
     files = _SortedFiles.of(rig, place, target)
     outcomes = {name: ShotOutcome(name, tuple(files.shots[name]), error=fault) for name, fault in files.faults.items()}
@@ -221,6 +226,7 @@ def ingest_folder(
             _Task(
                 name, tuple(crew.place(file) for file in files.shots[name]), crew.place(target), rig.text, rig.path,
                 tuple(rig.databases.items()), overwrite or crew.may_repeat, accept_incomplete,
+                tuple(without),
             )
             for name in given
         ]  # fmt: skip
@@ -247,11 +253,13 @@ class _Task:
     databases: tuple[tuple[str, str], ...]
     overwrite: bool
     accept_incomplete: bool
+    without: tuple[str, ...]
 
     def ingested(self) -> ShotOutcome:
         done = ingest_files(
             _rig(self.rig_text, self.rig_path, self.databases), self.files, shot=self.name, out=self.out,
             overwrite=self.overwrite, accept_incomplete=self.accept_incomplete, log=False, doubles=True,
+            without=self.without,
         )  # fmt: skip
         verdict = VerdictLine.of(done.to_json())
         return ShotOutcome(self.name, self.files, done.path, verdict, done.shot.started, None, done.log_fault)

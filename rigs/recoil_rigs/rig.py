@@ -25,6 +25,7 @@ from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.can.messages import CanDatabase, load_database
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.trigger.detector import Trigger
+from recoil_rigs.checks.fault_causes import causes
 from recoil_rigs.checks.plausible import foreign_keys, implausible_values, unusual_values
 from recoil_rigs.checks.rig_alignments import motion_channels
 from recoil_rigs.checks.rig_faults import faults_of_tables, unstated_uncertainties
@@ -401,7 +402,7 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
     """
     file = read_tables(text, path)
     sources, channels = file.sources.sound, file.channels.sound
-    faults = [*file.faults, *faults_of_tables(file)]
+    faults = causes([*file.faults, *faults_of_tables(file)], file)
     texts = _databases([source for _, source in sources], path, databases, faults)
     doubts = [*unstated_uncertainties(channels), *implausible_values(file.mechanism, sources, channels)]
     if file.open:

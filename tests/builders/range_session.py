@@ -182,10 +182,12 @@ class PlayedConversion:
     started: ClassVar[list[tuple[str, list[str], str]]] = []
     ended: ClassVar[list[str]] = []
     rigs: ClassVar[list[Rig]] = []
+    without: ClassVar[list[tuple[str, ...]]] = []
 
     def __init__(self, rig: Rig, files: Sequence[Path], shot: str, out: Path, **options: Any) -> None:
         self._shot, self._out = shot, out
         type(self).rigs.append(rig)
+        type(self).without.append(tuple(options.get("without", ())))
         type(self).started.append((shot, sorted(f.name for f in files), str(options.get("replaces", ""))))
 
     def result(self) -> tuple[int, dict[str, Any]] | None:
@@ -218,7 +220,7 @@ class Range:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, rig: Rig, out: Path, display: Told, **options: Any) -> None:
         PlayedConversion.started, PlayedConversion.ended, PlayedConversion.answer = [], [], None
-        PlayedConversion.rigs = []
+        PlayedConversion.rigs, PlayedConversion.without = [], []
         left = options.pop("left", ())
         PlayedConversion.may_end = staticmethod(lambda: True)
         self.out, self.display = out, display
@@ -228,8 +230,8 @@ class Range:
         self.session = PlayedSession(session_folder(out, 0), self.clock)
 
         @contextmanager
-        def opened(_sources: object) -> Any:
-            yield {}
+        def opened(sources: Any, *_: object) -> Any:
+            yield {source.name: object() for source in sources}
 
         def session(_devices: object) -> PlayedSession:
             self.live._journal = self.session.journal_folder

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.acquisition import Acquisition
+from recoil_acquisition.capture.cut import capture_has
 from recoil_acquisition.capture.cut_process import cut_apart
 from recoil_acquisition.capture.engine import PATIENCE_S, CaptureEngine, CounterHistory
 from recoil_acquisition.capture.live_source import LiveSource
@@ -28,7 +29,7 @@ from recoil_acquisition.capture.shot_record import acquisition_of
 from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceStatus, State
 from recoil_acquisition.devices.device import EVENT, Block, Device, event_block, joined
 from recoil_acquisition.devices.reader_thread import DeviceReader
-from recoil_acquisition.errors import DeviceError, RecoilDaqError
+from recoil_acquisition.errors import DeviceError, RecoilDaqError, StoreError
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.record import Kind
 from recoil_acquisition.log.writer import LogWriter
@@ -120,6 +121,7 @@ class LiveSession:
         self._events: deque[Block] = deque()
         self._holding: dict[int, tuple[float, float]] = {}
         self._captured: list[tuple[float, float]] = []
+        self._captures: list[tuple[Path, int, int]] = []
         self._kept: list[Kept] = []
         self._noted = "", 0.0
         self._awaited: dict[str, ShotWindow] = {}
@@ -191,7 +193,10 @@ class LiveSession:
             unseen_bytes=self._unseen_bytes,
         )  # fmt: skip
         start_ns, stop_ns = round(window.start_s * 1e9), round(window.stop_s * 1e9)
-        return CapturedShot(name, path, cut_apart(self._journal.folder, path, acquisition, start_ns, stop_ns))
+        written = cut_apart(self._journal.folder, path, acquisition, start_ns, stop_ns)
+        with self._lock:
+            self._captures.append((path, start_ns, stop_ns))
+        return CapturedShot(name, path, written)
 
     def release(self, window: ShotWindow) -> None:
         """Give a shot's data in the journal back: its captures and its shot file are verified."""
@@ -299,11 +304,22 @@ class LiveSession:
             sys.setswitchinterval(self._switch_s)
 
     def close(self, *, complete: bool) -> None:
-        """Close the journal, and remove it if all that happened in it is in verified shot files."""
+        """Close the journal, and remove it if all that happened in it is in verified shot files.
+
+        Whether each capture still holds all that the journal has of its shot is looked at once more.
+        """
         self.stop()
         self._journal.close(in_order=self._error is None)
         if complete and self.error is None and not self._holding and not self.kept:
-            open_log(self._journal.folder).remove()
+            log = open_log(self._journal.folder)
+            lacking = [path for path, *span in self._captures if not capture_has(log, path, *span)]
+            if lacking:
+                names = ", ".join(path.name for path in lacking)
+                raise StoreError(
+                    f"the journal is kept: not all that it has is in {names} as it was cut", path=log.folder,
+                    remedy="look with `recoil-daq recover` at what is there",
+                )  # fmt: skip
+            log.remove()
 
     def _sink(self, block: Block) -> None:
         """Keep a block, in its reader's thread."""

@@ -84,7 +84,9 @@ def framing_from_table(table: Mapping[str, Any]) -> Framing:
     kind = table.get("kind")
     if not isinstance(kind, str) or kind not in _KEYS:
         problem = f"must be one of {', '.join(_KEYS)}, or `ready_made` be given; found {kind!r}"
-        raise _error([*faults, Fault((_FRAMING, "kind"), problem, FaultCode.VALUE)])
+        faults += unknown_keys(table, sorted({key for keys in _KEYS.values() for key in keys}), (_FRAMING,))
+        code = FaultCode.VALUE if "kind" in table else FaultCode.MISSING
+        raise _error([*faults, Fault((_FRAMING, "kind"), problem, code)])
     own = {key: value for key, value in table.items() if key in _KEYS[kind]}
     faults += unknown_keys(table, sorted(_KEYS[kind]), (_FRAMING,))
     top = declared(FramingTable, own, (_FRAMING,), faults)

@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.clocks.timebase import TimeBase
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.remark import Note, NoteCode
 
 LEAST_SAMPLES = 8
@@ -41,10 +43,25 @@ def own_rows(samples: NDArray[np.float64]) -> slice | None:
     return rows
 
 
+def own_base(recording: Recording, name: str, samples: NDArray[np.float64] | None = None) -> TimeBase:
+    """Return the instants of a signal's own samples: of one that is slower than its table, those of its own rows.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n_rows,), optional
+        All samples of the signal, where they were read; else they are where the file's notes say that it is slower.
+    """
+    base = recording.time_base(name)
+    if samples is None and any(one.code is NoteCode.OWN_RATE and one.about == name for one in recording.notes):
+        samples = recording.read(name)
+    rows = None if samples is None or samples.size != base.count else own_rows(samples)
+    return base if rows is None else base.every(rows)
+
+
 def about_rows(name: str, samples: NDArray[np.float64], rows: slice) -> tuple[Note, ...]:
     """Return the notes on a slower channel: its rate, and what it lost of its own samples."""
     own = samples[rows]
     text = f"{name}: 1 of {rows.step} rows holds a sample, from row {rows.start + 1} on: that is its rate, no loss"
     lost = int(np.count_nonzero(np.isnan(own)))
-    told = (Note(NoteCode.TIME, name, text),)
+    told = (Note(NoteCode.OWN_RATE, name, text),)
     return told if not lost else (*told, Note(NoteCode.LOST, name, f"{name}: {lost} of {own.size} samples are lost"))

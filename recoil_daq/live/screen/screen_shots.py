@@ -82,16 +82,19 @@ def shot_line(shot: RangeShot, look: Look, shots: Sequence[RangeShot]) -> Text:
     name = visible(shot.name)
     if shot.state is ShotState.USABLE:
         return _usable_line(shot, name, look, style, shots)
-    text = line_of(f"{name}{' ' if look.narrow else '  '}").append(_state_words(shot), style)
+    text = line_of(f"{name}{' ' if look.narrow else '  '}").append(
+        _state_words(shot, offered=look.has_keys and not look.narrow), style
+    )
     why = f": {visible(' '.join(shot.why.split()))}" if shot.why else ""
     return text.append(why)
 
 
-def _state_words(shot: RangeShot) -> str:
+def _state_words(shot: RangeShot, *, offered: bool) -> str:
     awaited = [*(f"the rest of {name}" for name in shot.growing), *shot.missing]
     if shot.state is ShotState.WAITING and awaited:
         left = "" if shot.left_s is None else f", {shot.left_s:.0f} s left"
-        return f"waiting for {visible(', '.join(awaited))}{left}"
+        without = "; c goes on without" if offered and not shot.growing else ""
+        return f"waiting for {visible(', '.join(awaited))}{left}{without}"
     if shot.state is ShotState.WAITING:
         return "waiting for its turn"
     if shot.state in (ShotState.CUTTING, ShotState.CONVERTING):

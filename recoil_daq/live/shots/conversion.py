@@ -38,6 +38,8 @@ class Conversion:
         Rig that the shot was acquired with, whatever became of its file since.
     replaces
         Line on why a shot file that is there is made anew; empty if none may be.
+    without
+        Sources that are left out of it.
     worker
         Worker that converts; the command does where there is none, or where it ended twice at this shot.
     """
@@ -50,9 +52,10 @@ class Conversion:
         out: Path,
         *,
         replaces: str = "",
+        without: Sequence[str] = (),
         worker: WarmWorker | None = None,
     ) -> None:
-        self._task = ConversionTask.of(rig, files, shot, out, replaces)
+        self._task = ConversionTask.of(rig, files, shot, out, replaces, without)
         self._was_there = self._target.exists()
         self._worker = worker
         self._asked: WarmWork | None = None
@@ -134,6 +137,7 @@ class _Command:
         arguments = [
             "ingest", "--shot", task.shot, "--out", str(task.out), "--json",
             *(["--replaces", task.replaces] if task.replaces else []), *(["--overwrite"] if task.overwrite else []),
+            *(part for name in task.without for part in ("--without", name)),
             "--", str(task.rig), *map(str, task.files),
         ]  # fmt: skip
         # apart: Ctrl-C ends the acquisition in order, and lets the last shot be converted

@@ -6,7 +6,7 @@ A conversion runs in another process, so that it never keeps the reading threads
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any
 
@@ -48,7 +48,7 @@ class ShotWork:
     files
         Files that are dropped into the watched folder.
     wanted
-        Sources whose files a shot waits for.
+        Sources whose files may come; a shot waits for those that the rig requires.
     previewed
         Sources that are read live, and whose own files replace the preview.
     converted
@@ -104,7 +104,13 @@ class ShotWork:
         """Name a shot and cut it out of the journal."""
         name = self.next_name
         self._next = int(name) + 1
-        self._shots.append(LiveShot(name, window, wanted=set(self._wanted), previewed=self._previewed))
+        may_stay_away = {source.name for source in self._rig.sources if not source.required}
+        self._shots.append(
+            LiveShot(
+                name, window, wanted=set(self._wanted), unawaited=may_stay_away & set(self._wanted),
+                previewed=self._previewed,
+            )
+        )  # fmt: skip
         if self.added_mass is not None:
             self._noting[name] = self._notes.submit(self.added_mass.note, self._options.out, name)
         self._begin_cut(session, name, window)
@@ -121,6 +127,18 @@ class ShotWork:
         self._files.take(self._shots, recording=session.recording)
         self._convert_next()
         self._take_conversion(session)
+
+    @property
+    def dispensable(self) -> dict[LiveShot, list[str]]:
+        """The shots that wait for files, the first one first, each with the sources that it can go on without."""
+        waiting = [shot for shot in self._shots if shot.state is ShotState.WAITING]
+        found = {shot: [name for name in shot.awaited if name != self._rig.reference_clock] for shot in waiting}
+        return {shot: names for shot, names in found.items() if names}
+
+    def go_on_without(self, shot: LiveShot, names: Sequence[str]) -> None:
+        """Wait no longer for sources of a shot that did not fire; a file that comes all the same is taken."""
+        shot.unawaited |= {*names} & {*shot.missing}
+        self._display.notice(f"shot {shot.name} goes on without {', '.join(names)}; a file that comes is taken")
 
     def leave_the_rest(self) -> None:
         """End the conversion under way, and say of every shot that is not complete where it is kept."""
@@ -181,8 +199,8 @@ class ShotWork:
         shot.state, shot.problem, shot.complete_s = ShotState.WAITING, "", time.monotonic()
         text = f"shot {shot.name} captured: {acquisition.duration_s:.3f} s"
         text += f", {1e3 * acquisition.pre_actual_s:.0f} ms of them before the trigger"
-        if shot.missing and self._files.watched:
-            text += f"; waiting for files of {', '.join(shot.missing)}"
+        if shot.awaited and self._files.watched:
+            text += f"; waiting for files of {', '.join(shot.awaited)}"
         self._display.notice(text)
 
     def _convert_next(self) -> None:
@@ -196,7 +214,7 @@ class ShotWork:
                 continue
             if shot.state is not ShotState.WAITING and not shot.redo:
                 continue
-            if shot.missing and not self._waited_out(shot):
+            if shot.awaited and not self._waited_out(shot):
                 continue
             if self._rig.reference_clock not in shot.files:
                 shot.redo = ""
@@ -207,7 +225,9 @@ class ShotWork:
             shot.state, shot.redo, shot.problem = ShotState.CONVERTING, "", ""
             out, worker = self._options.out, self._worker
             self._look_at_rig()
-            conversion = Conversion(self._rig, files, shot.name, out, replaces=replaces, worker=worker)
+            said = {source.name for source in self._rig.sources if source.required} & shot.unawaited & {*shot.missing}
+            without = (*self._options.without, *sorted(said))
+            conversion = Conversion(self._rig, files, shot.name, out, replaces=replaces, without=without, worker=worker)
             self._conversion = shot, conversion
             return
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, did_you_mean
+from recoil_acquisition.quantity import SI_UNITS
 from recoil_rigs.rig_file import RigFile
 from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.rig_tables import (
@@ -65,7 +66,8 @@ def faults_of_alignment(where: KeyPath, source: Source, reference: str, file: Ri
     """
     align, faults = source.align, []
     clocks, names = file.sources.names, file.channels.names
-    channels = [channel for _, channel in file.channels.legible]
+    # of a quantity, or a source, that is none it is unknown what might be compared
+    channels = [one for _, one in file.channels.legible if one.quantity in SI_UNITS and one.source in clocks]
     by_name = {channel.name: channel for channel in channels}
     complete = 0 < len(channels) == len(file.channels.rows)
 

@@ -42,6 +42,9 @@ def _faults_of_sources(file: RigFile) -> list[Fault]:
             if source.align is not None:
                 problem = "the reference clock is not aligned to anything; leave it out"
                 faults.append(Fault((*where, "align"), problem, FaultCode.CONTRADICTION))
+            if not source.required:
+                problem = "the reference clock's source cannot stay away: all other clocks are aligned to it"
+                faults.append(Fault((*where, "required"), problem, FaultCode.CONTRADICTION))
         elif source.align is None:
             remedy = 'declare `align = { method = "motion" | "redundant" | "trigger" | "exposure" | "fixed", ... }`'
             faults.append(Fault((*where, "align"), f"is missing; {remedy}", FaultCode.MISSING))
@@ -92,7 +95,7 @@ def _faults_of_channels(file: RigFile) -> list[Fault]:
             problem = f"{what}: {channel.source!r} is not declared; {did_you_mean(channel.source, source_names)}"
             faults.append(Fault((*where, "source"), problem, FaultCode.UNKNOWN))
         faults += _faults_of_role(where, channel, channels, file.model)
-        faults += _faults_of_standard(where, channel, channels)
+        faults += _faults_of_standard(where, channel, file.channels.sound)
         source = sources.get(channel.source)
         unscaled = source is not None and source.scale_mm_per_px is None
         if channel.unit == "px" and channel.quantity == "displacement" and unscaled:
@@ -132,10 +135,15 @@ def _faults_of_role(
     return faults
 
 
-def _faults_of_standard(where: KeyPath, channel: ChannelSpec, channels: Sequence[ChannelSpec]) -> list[Fault]:
-    """Name another sensor that says something else of the same standard."""
+def _faults_of_standard(
+    where: KeyPath, channel: ChannelSpec, sound: Sequence[tuple[KeyPath, ChannelSpec]]
+) -> list[Fault]:
+    """Name the sensors that say something else of the same standard, once, of the first that names it."""
     sensor = channel.sensor
-    stated = {c.name: c.sensor.u_reference_rel for c in channels if sensor.reference == c.sensor.reference != ""}
+    bearing = [(at, c) for at, c in sound if sensor.reference == c.sensor.reference != ""]
+    if not bearing or bearing[0][0] != where:
+        return []
+    stated = {c.name: c.sensor.u_reference_rel for _, c in bearing}
     others = [f"{name} {u:g}" for name, u in stated.items() if u != sensor.u_reference_rel]
     if not others:
         return []

@@ -73,13 +73,22 @@ MODEL = "model"
 
 def model_of(table: Mapping[str, Any]) -> type[Mechanism] | None:
     """Return the model that a table ``[mechanism]`` names, a gun if it names none; None if there is none such."""
+    if MODEL not in table and any(map(_is_model, table)):
+        return None
     return next((one for name, one in MECHANISMS.items() if name == table.get(MODEL, MechanismModel.GUN)), None)
+
+
+def _is_model(key: str) -> bool:
+    """Return whether a key is `MODEL`, misspelt."""
+    return key != MODEL and bool(get_close_matches(key.casefold(), [MODEL], 1, MISSPELT))
 
 
 def _faults_of_model(
     table: Mapping[str, Any], model: type[Mechanism] | None, roles: Collection[str]
 ) -> Iterator[Fault]:
     """Name a model that is none, the values that the model lacks, and those that it must have."""
+    if model is None and MODEL not in table:
+        return  # it is misspelt
     if model is None:
         models = " or ".join(f'"{one}"' for one in MECHANISMS)
         yield Fault((MECHANISM, MODEL), f"must be {models}, found {table[MODEL]!r}", FaultCode.VALUE)
@@ -114,6 +123,8 @@ def _unknown_symbol(key: str, symbols: Sequence[str]) -> Fault:
     Of several that have as many, those count in whose meanings a word stands at the front.
     """
     place, symbol = (MECHANISM, key), key.removeprefix("u_")
+    if _is_model(key):
+        return unknown_key(place, key, [MODEL])
     if symbol in symbols:
         problem = f"unknown key; {symbol} is itself a standard uncertainty: {MEANINGS[symbol]}"
         return Fault(place, problem, FaultCode.UNKNOWN)

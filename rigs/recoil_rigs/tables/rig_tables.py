@@ -194,6 +194,8 @@ class Source(DeclaredTable):
     """Pattern of its files' names, such as ``"*_daq*.csv"``; ``{shot}`` in it stands where the shot's number is."""
     settle_s: NotNegative = 1.0
     """Time without change after which a dropped file, live, is taken as whole, s."""
+    required: bool = True
+    """Whether a shot waits for it and an armed range needs its device; ``false`` for one that may stay away."""
     database: str | None = None
     """The file of a bus's messages, beside the rig file: DBC, KCD, SYM or ARXML."""
     bus: Annotated[int, Field(ge=0)] | Text | None = Field(

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,7 +21,7 @@ from recoil_acquisition.capture.live_source import LiveSamples
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, operator_records
 from recoil_acquisition.devices.device import Block, Counters, event_of
 from recoil_acquisition.devices.reader_thread import DeviceReader
-from recoil_acquisition.errors import DeviceError
+from recoil_acquisition.errors import DeviceError, StoreError
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.record import Kind
@@ -219,6 +220,25 @@ def test_what_a_stalled_read_returns_after_the_shots_end_is_in_the_shot(
     assert source.late
     assert 0.75 < source.late_s < 3.0
     assert not (tmp_path / "journal").exists()
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("spoil", [Path.unlink, lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])])
+def test_a_journal_stays_that_holds_more_of_a_shot_than_its_capture(
+    tmp_path: Path, device: PlayedBus, spoil: Callable[[Path], Any]
+) -> None:
+    session = started(tmp_path, device)
+    session.arm()
+    time.sleep(0.3)
+    device.pressure_kpa = pulse_at(number_now(device) + 2)
+    window = session.next_window(5.0)
+    assert window is not None
+    captured = session.cut("0001", window, tmp_path / "captures" / "0001.rdlog")
+    session.release(window)
+    spoil(captured.path)
+    with pytest.raises(StoreError, match=r"the journal is kept: not all that it has is in 0001\.rdlog"):
+        session.close(complete=True)
+    assert (tmp_path / "journal").exists()
 
 
 @pytest.mark.real_time

@@ -52,6 +52,6 @@ def test_a_text_says_the_rate_and_no_loss(tmp_path: Path):
     rows = [(0.001 * k, 0.1 * k, 0.5 if k % 10 == 3 else float("nan")) for k in range(400)]
     path.write_bytes(dewesoft_text(rows))
     notes = recognise(path).open(path, Declarations("dewetron")).notes
-    (note,) = [note for note in notes if note.code in (NoteCode.TIME, NoteCode.LOST)]
-    assert note.code is NoteCode.TIME
+    (note,) = [note for note in notes if note.code in (NoteCode.OWN_RATE, NoteCode.LOST)]
+    assert note.code is NoteCode.OWN_RATE
     assert "1 of 10 rows holds a sample, from row 4 on" in note

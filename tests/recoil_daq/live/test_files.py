@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
@@ -611,3 +612,64 @@ def test_a_folder_full_of_foreign_files_holds_up_neither_keys_nor_screen(
     assert [s.state for s in outcome.shots] == ["usable"]
     assert left_alone[-1] == 30
     assert max(b - a for a, b in pairwise(left_alone)) <= 3
+
+
+def waited_s(one: Range) -> float:
+    return one.clock.monotonic() - time.monotonic()
+
+
+def waited_on(one: Range) -> Callable[[], None]:
+    """Return what presses c and y: the shot waits for its camera alone then."""
+    return lambda: one.display._pressed.extend("cy")
+
+
+def test_a_shot_goes_on_without_a_camera_that_did_not_fire_and_takes_a_file_that_comes_all_the_same(
+    range_of: RangeOf, tmp_path: Path
+) -> None:
+    display = Told(has_keys=True)
+    one = range_of(display, shots=1, files_within_s=1e6)
+    display.then["0001 captured"] = drop(tmp_path / "in", "0001_dewetron.csv")
+    display.then["0001_dewetron.csv is of shot"] = waited_on(one)
+    outcome = one.run(lambda: one.session.fired(1.0))
+    assert display.told("shot 0001 goes on without camera; a file that comes is taken")
+    assert [shot.state for shot in outcome.shots] == [ShotState.USABLE]
+    assert PlayedConversion.without == [("camera",)]
+    assert waited_s(one) < 100.0
+    assert outcome.shots[0].takes("camera")
+
+
+def test_nothing_goes_on_without_the_reference_clock(range_of: RangeOf, tmp_path: Path) -> None:
+    display = Told(has_keys=True)
+    one = range_of(display, shots=1, files_within_s=5.0)
+    display.then["0001 captured"] = drop(tmp_path / "in", "0001_camera.csv")
+    display.then["0001_camera.csv is of shot"] = waited_on(one)
+    outcome = one.run(lambda: one.session.fired(1.0))
+    assert not display.told("goes on without")
+    assert [shot.state for shot in outcome.shots] == [ShotState.INCOMPLETE]
+
+
+def test_a_shot_does_not_wait_for_a_source_that_may_stay_away(range_of: RangeOf, tmp_path: Path) -> None:
+    mixed = load_rig("mixed")
+    head = '[[source]]\nname = "camera"\n'
+    rig = parse_rig(mixed.text.replace(head, f"{head}required = false\n"), mixed.path, dict(mixed.databases))
+    display = Told()
+    one = range_of(display, rig=rig, shots=1, files_within_s=1e6)
+    display.then["0001 captured"] = drop(tmp_path / "in", "0001_dewetron.csv")
+    outcome = one.run(lambda: one.session.fired(1.0))
+    assert display.told("waiting for files of dewetron")
+    assert [shot.state for shot in outcome.shots] == [ShotState.USABLE]
+    # the rig says so itself
+    assert PlayedConversion.without == [()]
+    assert waited_s(one) < 100.0
+
+
+def test_a_session_without_a_source_waits_for_no_file_of_it(range_of: RangeOf, tmp_path: Path) -> None:
+    display = Told()
+    one = range_of(display, shots=1, files_within_s=500.0, without=("camera",))
+    display.then["0001 captured"] = drop(tmp_path / "in", "0001_dewetron.csv")
+    outcome = one.run(lambda: one.session.fired(1.0))
+    assert [shot.state for shot in outcome.shots] == [ShotState.USABLE]
+    assert PlayedConversion.without == [("camera",)]
+    assert not outcome.shots[0].takes("camera")
+    with pytest.raises(ReadError, match="the trigger looks at p_brake"):
+        range_of(display, without=("can",))

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.acquisition import AT_TRIGGER
+from recoil_acquisition.quality_check import Check
 from recoil_acquisition.recorded_file import RecordedFile
-from recoil_acquisition.remark import findings_of
+from recoil_acquisition.remark import Note, NoteCode, Remark, findings_of
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_identification.calibration.hidden_errors import hidden_errors
@@ -117,7 +118,7 @@ def report_document(
     """
     chosen = found.chosen
     estimate = chosen.estimate
-    warnings = (check.remark() for check in shot.quality if check.verdict == "warn")
+    warnings = [check.remark() for check in shot.quality if check.verdict == "warn"]
     document = {
         "schema": SCHEMA,
         "shot": shot.name,
@@ -198,7 +199,7 @@ def report_document(
         "valid": found.valid,
         "reasons": list(found.reasons),
         "notes": list(found.notes),
-        "findings": findings_of(found.reasons, warnings, found.notes),
+        "findings": findings_of(found.reasons, warnings, _unsaid(found.notes, warnings)),
         "assumptions": found.assumptions,
         "force_checks": [one.to_json() for one in found.force_checks],
         "provenance": {
@@ -357,6 +358,12 @@ def _mass_over_time(walk: MassOverTime) -> dict[str, Any]:
     """State the mass as one that may change, together with all sensors: a random walk, at its nodes."""
     nodes = walk.at_nodes
     return {"time_s": nodes.times_s.tolist(), "mass_kg": nodes.mass_kg.tolist(), "u_kg": nodes.u_kg.tolist()}
+
+
+def _unsaid(notes: Sequence[Note], warnings: Sequence[Remark]) -> list[Note]:
+    """Return the notes without those of what a check sets aside, which warns of it."""
+    aside = {one.about for one in warnings if one.code is Check.SET_ASIDE}
+    return [note for note in notes if note.code is not NoteCode.SET_ASIDE or note.about not in aside]
 
 
 def _campaign(found: Identification) -> dict[str, Any]:

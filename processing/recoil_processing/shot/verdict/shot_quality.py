@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from recoil_acquisition.remark import Caution, CautionCode
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
+from recoil_processing.quality.loss_checks import GAP_STEPS
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.signals import BASELINE_MARGIN_S, collect_signals
 from recoil_processing.shot.thinned import thinned
@@ -35,7 +37,7 @@ from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, check_
 from recoil_processing.shot.verdict.consequence import weighed
 from recoil_processing.shot.verdict.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
 from recoil_processing.shot.verdict.sensor_quality import check_sensors
-from recoil_rigs.rig import Rig
+from recoil_rigs.rig import Rig, Source
 from recoil_rigs.shots.assemble import about_unknown_unit, unknown_unit
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.calibration_day import CalibrationDay
@@ -44,6 +46,9 @@ NO_REST = (
     "the record begins in motion: the zero of an accelerometer is known as its `u_zero_rel` says, to 1 % of its range "
     "if left out; the noise at rest is taken for that of the quietest part"
 )
+NONE_LEFT_OUT: Mapping[str, str] = MappingProxyType({})
+SHOWS_MOTION = 0.05
+"""Share of a channel's peak, of an accelerometer's velocity, from which on it shows a motion."""
 UNCHECKED = (
     "no accelerometer on the recoiling part: the camera's scale and velocity, and the forces' sign, impulse and skew, "
     "cannot be checked by it; the residual of camera track and forces is what there is"
@@ -55,6 +60,7 @@ def check_shot(
     alignments: Sequence[ClockAlignment],
     recordings: Mapping[str, Recording],
     day: CalibrationDay,
+    without: Mapping[str, str] = NONE_LEFT_OUT,
 ) -> tuple[QualityCheck, ...]:
     """Check all channels and clocks of a shot, and what its acquisition lost.
 
@@ -64,6 +70,8 @@ def check_shot(
         Recordings by source: what their readers noted becomes part of the verdict.
     day
         Day that the calibrations must cover.
+    without
+        Sources that somebody left out, each with the name of its file, empty if none was given.
 
     Returns
     -------
@@ -74,7 +82,8 @@ def check_shot(
     for source in fired.rig.sources:
         wanted = [c.name for c in fired.rig.channels_of(source.name)]
         if wanted and not any(name in fired.shot.channels for name in wanted):
-            checks.append(QualityCheck(source.name, Check.FILE, "fail", _absent(source.name, wanted, fired.shot)))
+            absent = _absent(source, wanted, fired.shot, without)
+            checks.append(QualityCheck(source.name, Check.FILE, "fail", absent))
         if source.name in recordings:
             checks += _file_checks(source.name, recordings[source.name])
             if source.kind == "camera":
@@ -82,7 +91,11 @@ def check_shot(
     checks += _unknown_units(fired.rig, recordings)
     checks += _file_names(recordings)
     essential = {c.source for c in fired.rig.channels if c.role}
-    checks += check_acquisition(fired.shot.acquisition, recordings, essential)
+    checks += [
+        check
+        for check in check_acquisition(fired.shot.acquisition, recordings, essential)
+        if check.channel not in without
+    ]
     checks += check_clock_fits(fired.shot.clock_fits)
     by_clock = {a.clock: a for a in alignments}
     # of a motion, and of what the mass hangs on, the thinned channels tell the same
@@ -93,6 +106,7 @@ def check_shot(
     recoil = recoil_of(lean, by_clock) if onset is not None or not fired.rig.mechanism.recoils_once else None
     checks += _channels(fired, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
     checks += [_alignment_check(alignment) for alignment in alignments]
+    checks = _with_gaps_named(checks, fired, alignments)
     checks += shifts
     checks += check_sensors(fired, alignments)
     faults = fired.rig.not_calibrated(day)
@@ -100,15 +114,21 @@ def check_shot(
     return tuple(weighed(checks, lean, recoil))
 
 
-def _absent(source: str, wanted: Sequence[str], shot: Shot) -> str:
+def _absent(source: Source, wanted: Sequence[str], shot: Shot, without: Mapping[str, str]) -> str:
     """Say why a shot has no channel of a source."""
+    name, missing = source.name, f"{', '.join(wanted)} missing"
+    if name in without:
+        file = f" and its file {without[name]}" if without[name] else ""
+        return f"source {name}{file} left out, as asked: {missing}; add its file to have it"
     acquired = () if shot.acquisition is None else shot.acquisition.sources
-    if any(one.name == source and one.blocks for one in acquired):
+    if any(one.name == name and one.blocks for one in acquired):
         return (
-            f"all that source {source} delivered was taken outside the shot's window: {', '.join(wanted)} missing; "
+            f"all that source {name} delivered was taken outside the shot's window: {missing}; "
             "find what keeps the host from reading it, before the next shot"
         )
-    return f"no file of source {source} was given: {', '.join(wanted)} missing; add its file"
+    if not source.required:
+        return f"nothing of source {name}, which may stay away: {missing}; add its file to have it"
+    return f"no file of source {name} was given: {missing}; add its file"
 
 
 def _channels(
@@ -270,6 +290,41 @@ def _alignment_check(a: ClockAlignment) -> QualityCheck:
     if a.status == "ambiguous":
         return QualityCheck(a.clock, Check.ALIGNMENT, "warn", worded(f"{text}; ambiguous: ", joined("; ", a.reasons)))
     return QualityCheck(a.clock, Check.ALIGNMENT, "ok", text)
+
+
+def _with_gaps_named(
+    checks: Sequence[QualityCheck], fired: FiredShot, alignments: Sequence[ClockAlignment]
+) -> list[QualityCheck]:
+    """Name what is missing of the reference clock in the motion by which a clock is aligned that is in doubt."""
+    doubtful = {a.clock for a in alignments if a.status != "ok"}
+    clocks: dict[str, list[str]] = {}
+    for source in fired.rig.sources:
+        against = fired.shot.channels.get(getattr(source.align, "against", None) or "")
+        if source.name in doubtful and against is not None and _gap_in_motion(against):
+            clocks.setdefault(against.name, []).append(source.name)
+    return [
+        replace(
+            check,
+            check=Check.REFERENCE_GAP,
+            detail=worded(check.detail, f"; it is the motion by which {', '.join(clocks[check.channel])} is aligned"),
+        )
+        if check.channel in clocks and check.check in (Check.TIME_STEPS, Check.LOSSES) and check.verdict != "ok"
+        else check
+        for check in checks
+    ]
+
+
+def _gap_in_motion(channel: Channel) -> bool:
+    """Return whether several samples in a row are missing between the first and the last that shows a motion."""
+    there = np.isfinite(channel.measured)
+    times, samples = channel.time_base.times_s[there], channel.measured[there]
+    if samples.size < LEAST_SAMPLES:
+        return False
+    moves, steps = samples - np.median(samples[: samples.size // 10 + 1]), np.diff(times)
+    if channel.quantity == "acceleration":  # small where the part coasts
+        moves = np.cumsum(moves[1:] * steps)
+    first, *_, last = np.flatnonzero(np.abs(moves) >= SHOWS_MOTION * np.abs(moves).max())
+    return bool(np.any(steps[first : last + 1] > GAP_STEPS * np.median(steps)))
 
 
 def _zero_shift(alignment: ClockAlignment, shot: Shot, onset: float | None) -> list[QualityCheck]:
