@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -57,17 +57,7 @@ class FilterDescription:
 
     def to_json(self) -> dict[str, object]:
         """Return the description in JSON types, parameters under a key of their own."""
-        return {
-            "kind": self.kind,
-            "order": self.order,
-            "passes": self.passes,
-            "minus_3_db_hz": self.minus_3_db_hz,
-            "minus_6_db_hz": self.minus_6_db_hz,
-            "padding": self.padding,
-            "padding_s": self.padding_s,
-            "rate_hz": self.rate_hz,
-            "parameters": dict(self.parameters),
-        }
+        return asdict(self)
 
 
 class ZeroPhaseFilter(Protocol):
