@@ -42,7 +42,8 @@ from recoil_processing.shot.signals import BASELINE_MARGIN_S
 from recoil_processing.shot.verdict.motion_quality import CUTOFF_HZ, SLOWEST_SHARE
 from recoil_processing.spectra.spectral_gap import SpectralGap, find_gap
 from recoil_rigs.rig import ChannelSpec, ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
-from recoil_rigs.shots.assemble import range_si, shown_unit
+from recoil_rigs.shots.assemble import shown_unit
+from recoil_rigs.tables.channel_table import range_si
 from recoil_rigs.tables.rig_tables import FORCE_ROLES
 
 LEAST_SAMPLES = 8
