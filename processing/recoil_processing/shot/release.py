@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
+from recoil_processing.gaps import longest_run
 from recoil_processing.shot.thinned import factor_of, thinned_beside
 
 SUSTAINED = 10
@@ -53,11 +54,12 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
     if release is None:
         present = net_force_n[np.isfinite(net_force_n)]
         largest = f"at most {present.max() / 1e3:.1f} kN" if present.size else "no sample of all three pressures"
+        first, behind = longest_run(driving)
         raise IdentificationError(
             "the force by the gauges never drives the recoiling part to the rear",
             expected=f"a positive net force over {SUSTAINED} samples, or over {FEWEST} that last "
             f"{1e3 * SUSTAINED_S:g} ms",
-            found=f"{largest}, over {_longest_run(driving)} samples",
+            found=f"{largest}, over {behind - first} samples",
             remedy="check areas, units and polarities of the pressures in the rig file, or record faster",
         )
     return release * factor
@@ -68,12 +70,6 @@ def _first_of_run(flags: NDArray[np.bool_], length: int) -> int | None:
     run = np.convolve(flags, np.ones(length), mode="full")[length - 1 :]
     sustained = np.flatnonzero(run > length - 0.5)
     return int(sustained[0]) if sustained.size else None
-
-
-def _longest_run(flags: NDArray[np.bool_]) -> int:
-    """Return how many flags in a row there are at most."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return int(np.max(edges[1::2] - edges[::2], initial=0))
 
 
 class StopReleaseImpulse(NamedTuple):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.errors import Fault, FaultCode, Row, nearest_first
+from recoil_acquisition.errors import Fault, FaultCode, Row, did_you_mean
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.framing import Framing
 from recoil_rigs.rig import Source
@@ -61,8 +61,7 @@ def serial_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
     known = {f.name: f for f in framing.fields}
     for spec in (c for c in scene.rig.channels if c.source == source.name):
         if spec.signal not in known:
-            nearest = nearest_first(spec.signal, list(known))[0]
-            problem = f"the framing has no field {spec.signal!r}; did you mean {nearest!r}?"
+            problem = f"the framing has no field {spec.signal!r}; {did_you_mean(spec.signal, list(known))}"
             faults.append(Fault((Row("channel", spec.name), "signal"), problem, FaultCode.UNKNOWN))
             continue
         columns[spec.signal] = in_unit(scene.samples(spec, at), spec, known[spec.signal].unit)
