@@ -6,11 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
-from recoil_processing.gaps import longest_run
+from recoil_processing.gaps import first_of_run, longest_run
 from recoil_processing.shot.thinned import factor_of, thinned_beside
 
 SUSTAINED = 10
@@ -47,10 +46,10 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
     factor = factor_of(times_s)
     times_s, net_force_n = thinned_beside(times_s, net_force_n)
     driving = (times_s >= onset_s - 1e-9) & (np.nan_to_num(net_force_n, nan=-1.0) > 0)
-    release = _first_of_run(driving, SUSTAINED)
+    release = first_of_run(driving, SUSTAINED)
     if release is None and times_s.size > 1:
         fewer = max(FEWEST, math.ceil(SUSTAINED_S / float(times_s[1] - times_s[0])))
-        release = _first_of_run(driving, fewer) if fewer < SUSTAINED else None
+        release = first_of_run(driving, fewer) if fewer < SUSTAINED else None
     if release is None:
         present = net_force_n[np.isfinite(net_force_n)]
         largest = f"at most {present.max() / 1e3:.1f} kN" if present.size else "no sample of all three pressures"
@@ -63,13 +62,6 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
             remedy="check areas, units and polarities of the pressures in the rig file, or record faster",
         )
     return release * factor
-
-
-def _first_of_run(flags: NDArray[np.bool_], length: int) -> int | None:
-    """Index of the first of so many flags in a row: a single noisy sample is none."""
-    run = np.convolve(flags, np.ones(length), mode="full")[length - 1 :]
-    sustained = np.flatnonzero(run > length - 0.5)
-    return int(sustained[0]) if sustained.size else None
 
 
 class StopReleaseImpulse(NamedTuple):

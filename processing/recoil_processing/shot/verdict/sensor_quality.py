@@ -47,7 +47,7 @@ def _exchanged(fired: FiredShot) -> Iterator[QualityCheck]:
         present = fired_channel.recorded.measured[np.isfinite(fired_channel.recorded.measured)]
         if limits is None or not present.size or fired_channel.source.kind == "camera":
             continue
-        reach, peak = (max(abs((end - unit.offset) / unit.factor) for end in ends) for ends in (limits, _ends(present)))
+        reach, peak = (max(abs(unit.from_si(end)) for end in ends) for ends in (limits, _ends(present)))
         if peak > 0 and math.isfinite(peak) and reach > 0:
             used[name] = reach, peak
 
