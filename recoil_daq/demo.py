@@ -108,12 +108,7 @@ def run_demo(
         If the folder holds an earlier demonstration, or what is of none beside it.
     """
     folder = out / "simulated" / DEMO_SHOT
-    if folder.exists():
-        if not overwrite:
-            raise StoreError(
-                "an earlier demonstration is here", path=folder, remedy="give another --out, or --overwrite"
-            )
-        _remove(folder, (SIMULATED,))
+    _make_room(folder, "demonstration", (SIMULATED,), overwrite=overwrite)
     progress("simulate")
     rig = load_rig(DEMO_RIG)
     simulated = simulate_shot(rig, folder, seed=seed, shot=DEMO_SHOT)
@@ -168,10 +163,7 @@ def run_campaign_demo(
         If the folder holds an earlier campaign, or what is of no demonstration.
     """
     folder = out / "campaign"
-    if folder.exists():
-        if not overwrite:
-            raise StoreError("an earlier campaign is here", path=folder, remedy="give another --out, or --overwrite")
-        _remove(folder, CAMPAIGN_DEMO_FILES)
+    _make_room(folder, "campaign", CAMPAIGN_DEMO_FILES, overwrite=overwrite)
     rig, plan = load_rig(DEMO_RIG), CampaignPlan(**CAMPAIGN_DEMO)
     fired = simulate(
         rig, folder / "simulated", shots=CAMPAIGN_DEMO_SHOTS, campaign_seed=seed, plan=plan,
@@ -241,10 +233,7 @@ def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool
         If this computer has no pseudo-terminals.
     """
     folder = out / "live"
-    if folder.exists():
-        if not overwrite:
-            raise StoreError("an earlier range day is here", path=folder, remedy="give another --out, or --overwrite")
-        _remove(folder, LIVE_DEMO_FILES)
+    _make_room(folder, "range day", LIVE_DEMO_FILES, overwrite=overwrite)
     days: list[RangeDay] = []
     options = LiveOptions(out=folder, shots=LIVE_DEMO_SHOTS, identify=True)
     outcome = run_live(
@@ -280,8 +269,8 @@ def _reported(shot: LiveShot, reports: Path, truth: Mapping[str, Any], display: 
     return Reported({**document, "truth": beside}, folder)
 
 
-def _remove(folder: Path, files: Sequence[str]) -> None:
-    """Remove what an earlier demonstration wrote.
+def _make_room(folder: Path, what: str, files: Sequence[str], *, overwrite: bool) -> None:
+    """Remove what an earlier demonstration wrote, where that is asked for.
 
     Parameters
     ----------
@@ -291,8 +280,12 @@ def _remove(folder: Path, files: Sequence[str]) -> None:
     Raises
     ------
     StoreError
-        If anything else is in the folder, of which nothing is removed then.
+        If it is not asked for, or anything else is in the folder, of which nothing is removed then.
     """
+    if not folder.exists():
+        return
+    if not overwrite:
+        raise StoreError(f"an earlier {what} is here", path=folder, remedy="give another --out, or --overwrite")
     found = [path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir()]
     own = re.compile("|".join(files))
     for path in found:

@@ -342,6 +342,11 @@ class StoreError(RecoilDaqError):
 
     usual_code = ErrorCode.STORE
 
+    @classmethod
+    def exists(cls, path: Path, remedy: str, what: str = "") -> StoreError:
+        """Return the error of a file that is there already and is not to be replaced."""
+        return cls(f"{what} exists already".strip(), code=ErrorCode.EXISTS, path=path, remedy=remedy)
+
 
 class FaultCode(StrEnum):
     """Kind of a fault of a rig file, of its sources' files against it, or of what a command was given beside it."""

@@ -84,6 +84,13 @@ def runs_of(flags: Flags) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
+def first_of_run(flags: Flags, length: int) -> int | None:
+    """Return the first of so many set flags in a row, shape (n,): a single noisy sample is none; None without any."""
+    edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0))
+    begins = edges[::2][edges[1::2] - edges[::2] >= length]
+    return int(begins[0]) if begins.size else None
+
+
 def longest_run(flags: Flags) -> tuple[int, int]:
     """Return the first of the longest runs of set flags, shape (n,), as `runs_of` does; (0, 0) if none is set."""
     return max(runs_of(flags), key=lambda run: run[1] - run[0], default=(0, 0))

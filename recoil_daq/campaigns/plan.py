@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -37,18 +38,9 @@ def plan_of_options(given: Mapping[str, Any], shots: int) -> CampaignPlan:
     ValueError
         With every fault of the options, each by its name.
     """
-    table: dict[str, Any] = {}
-    for key, value in given.items():
-        if key == "charges":
-            table[key] = value.split(",")
-        elif key in ("mass_steps", "configurations"):
-            table[key] = _by_shot(key, value)
-        elif key == "drifts":
-            table[key] = _drifts(value)
-        elif key == "outliers":
-            table[key] = _outliers(value)
-        else:
-            table[key] = value
+    table = {key: _taken_apart(key, value) if OPTIONS[key][1] else value for key, value in given.items()}
+    if "charges" in table:
+        table["charges"] = table["charges"].split(",")
     faults: list[Fault] = []
     plan = declared(CampaignPlan, table, (), faults)
     if plan is None:
@@ -57,61 +49,25 @@ def plan_of_options(given: Mapping[str, Any], shots: int) -> CampaignPlan:
     return plan
 
 
-def _by_shot(key: str, texts: Sequence[str]) -> dict[int, str]:
-    """Return shot -> what happens from it on."""
-    planned: dict[int, str] = {}
-    for text in texts:
-        what, number = _at_shot(key, text)
-        if number in planned:
-            raise ValueError(f"{OPTIONS[key][0]} is given twice for shot {number}")
-        planned[number] = what
-    return planned
-
-
-def _drifts(texts: Sequence[str]) -> dict[str, str]:
-    """Return channel -> by what its gain drifts."""
-    drifts: dict[str, str] = {}
-    for text in texts:
-        channel, size = _parted("drifts", text, text, "=")
-        if channel in drifts:
-            raise ValueError(f"{OPTIONS['drifts'][0]} is given twice for {channel}")
-        drifts[channel] = size
-    return drifts
-
-
-def _outliers(texts: Sequence[str]) -> dict[int, dict[str, str]]:
-    """Return shot -> channel -> what its gain is off."""
-    outliers: dict[int, dict[str, str]] = {}
-    for text in texts:
-        what, number = _at_shot("outliers", text)
-        channel, size = _parted("outliers", text, what, "=")
-        errors = outliers.setdefault(number, {})
-        if channel in errors:
-            raise ValueError(f"{OPTIONS['outliers'][0]} is given twice for {channel} at shot {number}")
-        errors[channel] = size
-    return outliers
-
-
-def _at_shot(key: str, text: str) -> tuple[str, int]:
-    """Take a text apart into what happens and the number of the shot."""
-    what, number = _parted(key, text, text, "@")
-    try:
-        return what, int(number)
-    except ValueError:
-        raise ValueError(_wanted(key, text)) from None
-
-
-def _parted(key: str, text: str, piece: str, sign: str) -> tuple[str, str]:
-    """Take a piece of an option's text apart at its last sign."""
-    before, _, after = piece.rpartition(sign)
-    if not (before and after):
-        raise ValueError(_wanted(key, text))
-    return before, after
-
-
-def _wanted(key: str, text: str) -> str:
+def _taken_apart(key: str, texts: Sequence[str]) -> dict[Any, Any]:
+    """Return what is planned by shot, by channel, or by shot and channel, as the option is written."""
     option, written = OPTIONS[key]
-    return f"{option} takes {written}, not {text!r}"
+    form = re.sub("KG|NAME|REL", "(?P<what>.+)", written)
+    form = form.replace("CHANNEL", "(?P<channel>.+)").replace("SHOT", r"(?P<shot>-?\d+)")
+    planned: dict[Any, Any] = {}
+    for text in texts:
+        found = re.fullmatch(form, text, re.DOTALL)
+        if found is None:
+            raise ValueError(f"{option} takes {written}, not {text!r}")
+        parts = found.groupdict()
+        place: list[Any] = [int(parts["shot"])] if "shot" in parts else []
+        place += [parts["channel"]] if "channel" in parts else []
+        within = planned if len(place) == 1 else planned.setdefault(place[0], {})
+        if place[-1] in within:
+            where = " at ".join(f"shot {one}" if isinstance(one, int) else one for one in reversed(place))
+            raise ValueError(f"{option} is given twice for {where}")
+        within[place[-1]] = parts["what"]
+    return planned
 
 
 def _said(fault: Fault) -> str:

@@ -11,7 +11,6 @@ from pathlib import Path
 from recoil_acquisition.errors import ReadError, RecoilDaqError, quoted
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.remark import Note, NoteCode
-from recoil_daq.arguments import named_report
 from recoil_daq.campaigns.campaign import campaign_pages
 from recoil_daq.campaigns.sources import CUTOFF_FILE, CampaignReport
 from recoil_daq.reports.explanation import (
@@ -26,7 +25,7 @@ from recoil_daq.reports.report_folder import way_inside
 from recoil_daq.reports.reproduction.ingredient import Ingredient, digest_differences, rows_since
 from recoil_daq.reports.reproduction.kept_document import Again, KeptDocument
 from recoil_daq.reports.reproduction.kept_report import SHOTS, Kept, KeptTarget
-from recoil_daq.reports.reproduction.places import find_reports, reports_in, targets_in
+from recoil_daq.reports.reproduction.places import find_reports, named_in, reports_in, targets_in
 from recoil_daq.reports.reproduction.recomputed import recompute
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
@@ -151,7 +150,7 @@ class KeptCampaign(KeptDocument):
 
     def besides(self) -> tuple[Comparison, set[str]]:
         """Name all files of its folder that are known but for its drawings."""
-        return Comparison(0, (), 0.0), {self.path.name, TABLE_FILE, SCRIPT_NAME, CUTOFF_FILE}
+        return Comparison(), {self.path.name, TABLE_FILE, SCRIPT_NAME, CUTOFF_FILE}
 
     @property
     def shots(self) -> tuple[str, ...]:
@@ -265,28 +264,9 @@ def kept_document(path: Path) -> KeptDocument:
     return kinds.get(path.name, KeptTarget).read(path)
 
 
-def find_documents(place: str | Path) -> list[Path]:
-    """Return what can be made again of a place: reports, documents of targets, and campaigns' answers.
-
-    Raises
-    ------
-    ReadError
-        If there is none.
-    """
-    place = named_report(Path(place))
-    if place.is_file():
-        return [place]
-    if not place.is_dir():
-        raise ReadError("no such file or folder", path=place, remedy="check the name and the folder")
-    answers = sorted([*place.glob(CAMPAIGN_FILE), *place.glob(f"*/{CAMPAIGN_FILE}")])
-    found = [*reports_in(place), *targets_in(place), *answers]
-    if not found:
-        raise ReadError(
-            "no report in this folder",
-            path=place,
-            expected=f"a {REPORT_FILE}, or folders with one each",
-        )
-    return found
+def documents_in(folder: Path) -> list[Path]:
+    """Return what can be made again in a folder and in those in it: reports, targets' documents, campaigns' answers."""
+    return [*reports_in(folder), *targets_in(folder), *named_in(folder, CAMPAIGN_FILE)]
 
 
 @on_one_thread
@@ -318,7 +298,7 @@ def check_reports(
     ReadError
         If there is none at all.
     """
-    paths, folders = find_documents(place), folders_of(shots)
+    paths, folders = find_reports(place, documents_in), folders_of(shots)
     with Workers.of(workers, executor) as crew:
         work = partial(_checked, shots=[crew.place(folder) for folder in folders])
         names = [path.parent.name for path in paths]

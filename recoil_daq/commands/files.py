@@ -108,7 +108,8 @@ def init(
         interview = Interview(look)
         ended = False
         if session.asks:
-            from recoil_daq.terminal.init import ask, print_how_to_answer, print_interrupted
+            from recoil_daq.drafting.asking import ask, print_how_to_answer
+            from recoil_daq.terminal.init import print_interrupted
 
             print_how_to_answer()
             try:

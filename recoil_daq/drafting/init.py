@@ -192,10 +192,8 @@ class DraftedRig(Printed):
 def check_free(path: Path, *, overwrite: bool) -> None:
     """Raise StoreError where a rig file is there already that is not to be replaced."""
     if path.exists() and not overwrite:
-        raise StoreError(
-            "the rig file exists already", code=ErrorCode.EXISTS, path=path,
-            remedy="give another --out, or --overwrite; with --from it takes over what the old one states",
-        )  # fmt: skip
+        remedy = "give another --out, or --overwrite; with --from it takes over what the old one states"
+        raise StoreError.exists(path, remedy, "the rig file")
 
 
 @on_one_thread

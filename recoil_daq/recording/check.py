@@ -33,7 +33,6 @@ from recoil_rigs.shots.assemble import (
     assemble_channels,
     chain_applies,
     find_signal,
-    range_si,
     shown_unit,
     si_line,
     unit_of,
@@ -46,6 +45,7 @@ from recoil_rigs.shots.long_recording import cut_long_recordings
 from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.tables.certificate_table import USUAL_NAME as CERTIFICATES
 from recoil_rigs.tables.certificate_table import other_certificates
+from recoil_rigs.tables.channel_table import range_si
 
 _OF_A_FILE = ("unit", "samples", "rate_hz", "measured_in", "peak", "range")
 _AT_ONCE = 1 << 22

@@ -204,12 +204,8 @@ def ingest_files(
     if target.exists() and not overwrite:
         # of a long recording that is cut at a given time, another part may be another shot
         made_of = RecordedFile.of_shot(map(InputFile.of, matched.values() if at_s is None else ()), ())
-        raise refusal(made_of, made_in(target.parent)) or StoreError(
-            "the shot file exists already",
-            code=ErrorCode.EXISTS,
-            path=target,
-            remedy="give another --shot, or --overwrite",
-        )
+        exists = StoreError.exists(target, "give another --shot, or --overwrite", "the shot file")
+        raise refusal(made_of, made_in(target.parent)) or exists
     captured = [source for source, path in matched.items() if path in captures]
     progress("read")
     recordings: dict[str, Recording] = {}

@@ -209,12 +209,7 @@ def ingest_folder(
             # before the first of them is done: a shot file that is there when one is done again is of this run
             for name in files.shots:
                 if (there := target / f"{name}.h5").exists():
-                    fault = StoreError(
-                        "the shot file exists already",
-                        code=ErrorCode.EXISTS,
-                        path=there,
-                        remedy="choose --out, or --overwrite",
-                    )
+                    fault = StoreError.exists(there, "choose --out, or --overwrite", "the shot file")
                     outcomes.setdefault(name, ShotOutcome(name, tuple(files.shots[name]), error=fault))
         sound = {name: of_shot for name, of_shot in files.shots.items() if name not in outcomes}
         for name, twice in refused_twice(sound, target, overwrite=overwrite or crew.may_repeat).items():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import ErrorCode, StoreError
+from recoil_acquisition.errors import StoreError
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
 from recoil_acquisition.store.shot_log_row import ShotLogRow
@@ -111,7 +111,10 @@ def simulate(
         if campaign_seed is None:
             raise ValueError("a plan needs a campaign_seed, by which the shots share their sensors")
         planned = plan.draw(rig, shots, seed=seed, campaign_seed=campaign_seed)
-    log = None if campaign_seed is None else ShotLog.read(_log_path(Path(out)))
+    log_path = Path(out) / SHOT_LOG
+    if campaign_seed is not None and log_path.exists():
+        raise StoreError.exists(log_path, "choose another folder or remove it first")
+    log = None if campaign_seed is None else ShotLog.read(log_path)
     done = []
     for k, one in enumerate(planned):
         name = f"{k + 1:04d}"
@@ -122,19 +125,6 @@ def simulate(
         if log is not None:
             log = log.with_row(_row(name, one)).write()
     return Simulated(tuple(done), None if log is None else log.path)
-
-
-def _log_path(out: Path) -> Path:
-    """Return where the shot log of a campaign is to be."""
-    path = out / SHOT_LOG
-    if path.exists():
-        raise StoreError(
-            "exists already",
-            code=ErrorCode.EXISTS,
-            path=path,
-            remedy="choose another folder or remove it first",
-        )
-    return path
 
 
 def _row(name: str, planned: PlannedShot | None) -> ShotLogRow:

@@ -74,7 +74,7 @@ class Drawings:
         if forms is None:
             there = [name for name in (self.page, self.pdf) if (self.folder / name).exists()]
             why = "its document was written before documents stated how they are drawn: identify anew"
-            return _found(not_compared=[NotCompared(name, why, stated=False) for name in there]), frozenset(there)
+            return Comparison.of(NotCompared(name, why, stated=False) for name in there), frozenset(there)
         made, was = dict(again["provenance"]), stored["provenance"]
         made |= {
             key: was[key] for key in OF_THE_DAY if isinstance(was.get(key), type(made[key])) and was[key] != made[key]
@@ -84,7 +84,7 @@ class Drawings:
             drawn = self.draw({**again, "provenance": made}, replace(forms, pdf=forms.pdf and can_typeset))
         except (StoreError, ReadError) as error:
             names = [self.page, *([self.pdf] if forms.pdf else [])]
-            return _found(not_compared=[NotCompared(name, str(error), stated=True) for name in names]), frozenset(names)
+            return Comparison.of(NotCompared(name, str(error), stated=True) for name in names), frozenset(names)
         loose = "" if exact else "it was drawn by another version, or on another kind of computer"
         now = Forms.now(pdf=forms.pdf, figures=forms.figures)
         of_script = loose or (
@@ -106,11 +106,7 @@ class Drawings:
                 found.append(self._file(f"{name[:-4]}.png", picture, of_typst, missing))
         if not forms.standalone:
             found += self._script(forms)
-        return _found(
-            [one for one in found if isinstance(one, Difference)],
-            [one for one in found if isinstance(one, NotCompared)],
-            [one for one in found if isinstance(one, str)],
-        ), frozenset((self.page, self.pdf, *files))
+        return Comparison.of(found), frozenset((self.page, self.pdf, *files))
 
     def _file(self, name: str, content: bytes | None, loose: str, missing: str = "") -> Difference | NotCompared | str:
         """Compare a file with what it should hold: its name if it does.
@@ -148,16 +144,8 @@ def strangers(folder: Path, known: Collection[str]) -> Comparison:
     figures = [f"{FIGURES_FOLDER}/{path.name}" for path in _files(folder / FIGURES_FOLDER)]
     names = [*(path.name for path in _files(folder)), *figures]
     why = "it is no part of the document"
-    return _found(not_compared=[NotCompared(name, why, stated=False) for name in names if name not in known])
+    return Comparison.of(NotCompared(name, why, stated=False) for name in names if name not in known)
 
 
 def _files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.glob("*") if not path.is_dir()) if folder.is_dir() else []
-
-
-def _found(
-    differences: list[Difference] | None = None,
-    not_compared: list[NotCompared] | None = None,
-    drawings: list[str] | None = None,
-) -> Comparison:
-    return Comparison(0, tuple(differences or ()), 0.0, tuple(drawings or ()), tuple(not_compared or ()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from importlib.metadata import version
 from typing import Any
 
@@ -47,10 +47,7 @@ class Forms:
 
     def to_json(self) -> dict[str, Any]:
         """Return them as the provenance states them."""
-        return {
-            "pdf": self.pdf, "figures": self.figures, "standalone": self.standalone, "script": self.script,
-            "typst": self.typst,
-        }  # fmt: skip
+        return asdict(self)
 
     @classmethod
     def of_document(cls, document: Mapping[str, Any]) -> Forms | None:
@@ -64,7 +61,7 @@ class Forms:
         stated = document["provenance"].get(DRAWN)
         if stated is None:
             return None
-        found = cls(stated["pdf"], stated["figures"], stated["standalone"], stated["script"], stated["typst"])
+        found = cls(*(stated[one.name] for one in fields(cls)))
         flags = (found.pdf, found.figures, found.standalone)
         if not all(isinstance(one, bool) for one in flags) or not isinstance(found.script, str):
             raise TypeError(f"provenance.{DRAWN} with something else than forms of a page")

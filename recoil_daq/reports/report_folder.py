@@ -15,7 +15,7 @@ import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path, PureWindowsPath
 
-from recoil_acquisition.errors import ErrorCode, StoreError
+from recoil_acquisition.errors import StoreError
 from recoil_acquisition.files.new_file import partial_path, partials_of, sync_file, sync_folder
 from recoil_acquisition.log.segment import FolderLock, is_being_written
 from recoil_identification.report.page.html import PAGE_NAME
@@ -34,12 +34,7 @@ def refuse_existing(folder: Path, names: Sequence[str]) -> None:
     _put_in_order(_real(folder))
     for name in names:
         if (folder / name).exists():
-            raise StoreError(
-                "the report exists already",
-                code=ErrorCode.EXISTS,
-                path=folder / name,
-                remedy="give another --out, or --overwrite",
-            )
+            raise StoreError.exists(folder / name, "give another --out, or --overwrite", "the report")
 
 
 def refuse_unwritable(folder: Path) -> None:

@@ -222,13 +222,11 @@ def sweeps_again(folder: Path) -> tuple[Comparison, set[str]]:
         Names of all files of sweeps.
     """
     stems = [stem(key) for key in OPTIONS if (folder / f"{stem(key)}.json").is_file()]
-    whole = Comparison(0, (), 0.0)
-    for one in stems:
-        whole = whole.joined(_again(folder, one))
+    whole = Comparison.of(found for one in stems for found in _again(folder, one))
     return whole, {f"{one}.{ending}" for one in stems for ending in ("json", "html", "csv")}
 
 
-def _again(folder: Path, name: str) -> Comparison:
+def _again(folder: Path, name: str) -> Iterator[Difference | NotCompared | str]:
     path, page, table = (folder / f"{name}.{ending}" for ending in ("json", "html", "csv"))
     try:
         with told_in_one_line("this is no sweep that can be drawn again", path):
@@ -238,13 +236,15 @@ def _again(folder: Path, name: str) -> Comparison:
             files = {page: pages, table: [SWEEP.csv(document).encode()]}
             here = (document["provenance"]["version"], document["provenance"]["computer"]) == (__version__, computer())
     except RecoilDaqError as error:
-        return Comparison(0, (), 0.0, (), (NotCompared(path.name, str(error), stated=False),))
-    same = [
-        one.name for one, may in files.items() if one.is_file() and read_beginning(one, max(map(len, may)) + 1) in may
-    ]
-    others = [one for one in files if one.name not in same]
-    differences = [Difference(f"the digest of {path.name}", "that of its content", "another")] if fault else []
-    differences += [Difference(one.name, "a file", "another file") for one in others if here]
-    elsewhere = "it was drawn by another version, or on another kind of computer"
-    loose = [NotCompared(one.name, elsewhere, stated=False) for one in others if not here]
-    return Comparison(0, tuple(differences), 0.0, tuple(same), tuple(loose))
+        yield NotCompared(path.name, str(error), stated=False)
+        return
+    if fault:
+        yield Difference(f"the digest of {path.name}", "that of its content", "another")
+    for one, may in files.items():
+        if one.is_file() and read_beginning(one, max(map(len, may)) + 1) in may:
+            yield one.name
+        elif here:
+            yield Difference(one.name, "a file", "another file")
+        else:
+            elsewhere = "it was drawn by another version, or on another kind of computer"
+            yield NotCompared(one.name, elsewhere, stated=False)

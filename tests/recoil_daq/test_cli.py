@@ -536,7 +536,7 @@ def test_a_demonstrated_range_day_identifies_the_mass_of_every_shot(run, tmp_pat
     again = run("demo", "--live", "--out", tmp_path)
     assert again.exit_code == 3
     assert "an earlier range day is here" in again.stderr
-    demo._remove(tmp_path / "live", demo.LIVE_DEMO_FILES)  # as --overwrite does: every file of it is known
+    demo._make_room(tmp_path / "live", "day", demo.LIVE_DEMO_FILES, overwrite=True)  # every file of it is known
     assert not (tmp_path / "live").exists()
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from recoil_acquisition.errors import ErrorCode, RecoilDaqError, StoreError, system_errors_as
+from recoil_acquisition.errors import RecoilDaqError, StoreError, system_errors_as
 from recoil_acquisition.exporters.content import Content
 from recoil_acquisition.exporters.exporter import Exporter, Representation, exact_table, first_difference
 from recoil_acquisition.extras import EXTRAS
@@ -87,7 +87,7 @@ def write_export(
         parts = [(f"{stem}_{group.name}{exporter.suffix}", content.only([group])) for group in content.groups]
     for name, _ in parts:
         if os.path.lexists(folder / name) and not (overwrite and (folder / name).is_file()):
-            raise _exists(folder / name)
+            raise StoreError.exists(folder / name, _OTHER)
     new_folders = [f for f in (folder, *folder.parents) if not f.exists()]
     temporaries: list[Path] = []
     written: list[tuple[Path, ExportedFile]] = []
@@ -105,7 +105,7 @@ def write_export(
                 try:
                     give_name(temporary, file.path, overwrite=overwrite)
                 except FileExistsError as error:
-                    raise _exists(file.path) from error
+                    raise StoreError.exists(file.path, _OTHER) from error
                 if not overwrite:
                     placed.append(file.path)
             placed.clear()
@@ -164,10 +164,4 @@ _REMEDY = "nothing was kept; check the disk, or choose another --format"
 _ROOM = "choose another folder with --out, or make room and give permission there"
 
 
-def _exists(path: Path) -> StoreError:
-    return StoreError(
-        "exists already",
-        code=ErrorCode.EXISTS,
-        path=path,
-        remedy="choose another --out, or replace it with --overwrite",
-    )
+_OTHER = "choose another --out, or replace it with --overwrite"

@@ -218,6 +218,13 @@ class Framing:
         """Bytes of the checksum at a frame's end."""
         return self.checksum.size if self.checksum else 0
 
+    def closed(self, frame: bytes) -> bytes:
+        """Return a frame with the checksum of its other bytes in the place of its last ones."""
+        if self.checksum is None:
+            return frame
+        body = frame[: -self.checksum.size]
+        return body + self.checksum.of(body)
+
     def type_of(self, frame: bytes) -> FrameType | None:
         """Return the first type whose selector fits a frame, or None."""
         cells: list[bytes] | None = None

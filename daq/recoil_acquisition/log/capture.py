@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 from weakref import WeakValueDictionary
 
-from recoil_acquisition.errors import CorruptFileError, ErrorCode, ReadError, StoreError, system_errors_as
+from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError, system_errors_as
 from recoil_acquisition.files.new_file import give_name, partial_path, remove_partials
 from recoil_acquisition.log.folder import Log, in_order
 from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind, Record, pack_json, pack_record
@@ -81,7 +81,7 @@ def write_capture(
         If the file exists, cannot be written, or does not read back as it was written. Nothing is left then.
     """
     if path.exists():
-        raise StoreError("exists already", code=ErrorCode.EXISTS, path=path, remedy="move it elsewhere")
+        raise StoreError.exists(path, "move it elsewhere")
     holds = extents(log, start_ns, stop_ns)
     stated = pack_json({**declaration, HOLDS: {str(source): list(found) for source, found in holds.items()}})
     declared = pack_record(log.log_id, Record(UNNUMBERED, OWN, Kind.SHOT, 0, stated, None, None, 0, 0))

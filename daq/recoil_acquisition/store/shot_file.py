@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.acquisition import AT_TRIGGER
 from recoil_acquisition.causes import Subject, reasons_of, shot_findings
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.errors import ErrorCode, ReadError, StoreError, system_errors_as
+from recoil_acquisition.errors import ReadError, StoreError, system_errors_as
 from recoil_acquisition.files.new_file import give_name, partial_path
 from recoil_acquisition.files.regular_file import read_beginning
 from recoil_acquisition.files.shot_name import check_shot_name
@@ -236,7 +236,7 @@ def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> Shot:
     """
     path = Path(path)
     if not overwrite and os.path.lexists(path):
-        raise _exists(path)
+        raise StoreError.exists(path, _OTHER_NAME)
     if path.is_dir():
         raise StoreError("this is a folder", path=path, expected="the name of a shot file")
     image = _image(shot, path)
@@ -250,7 +250,7 @@ def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> Shot:
             try:
                 give_name(temporary, path, overwrite=overwrite)
             except FileExistsError as error:
-                raise _exists(path) from error
+                raise StoreError.exists(path, _OTHER_NAME) from error
     finally:
         # After a rename there is nothing left to remove; a disk that refuses this too has been reported
         with contextlib.suppress(OSError):
@@ -369,13 +369,7 @@ def _verify(shot: Shot, temporary: Path, path: Path) -> Shot:
     return back
 
 
-def _exists(path: Path) -> StoreError:
-    return StoreError(
-        "exists already",
-        code=ErrorCode.EXISTS,
-        path=path,
-        remedy="choose another name, or replace it with --overwrite",
-    )
+_OTHER_NAME = "choose another name, or replace it with --overwrite"
 
 
 def _unchanged(path: Path, what: str, make: Callable[[Group], Found], *, own: bool = False) -> Found:

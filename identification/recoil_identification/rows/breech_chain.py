@@ -38,7 +38,7 @@ from recoil_processing.shot.projectile import muzzle_force_n, projectile_travel_
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import ChannelSpec, Rig
-from recoil_rigs.shots.assemble import range_si
+from recoil_rigs.tables.channel_table import range_si
 from recoil_rigs.tables.force_input import ForceInput
 from recoil_rigs.tables.rig_tables import GAUGE_ROLES
 

@@ -16,8 +16,7 @@ from recoil_identification.shot.filter_choice import LARGEST_SHARE_OF_RATE, Filt
 from recoil_identification.shot.identified import Options
 from recoil_identification.shot.route import Route
 from recoil_identification.shot.verdict import require_explained
-from recoil_processing.shot.clocks.forced_recoil import missing_forces
-from recoil_processing.shot.regression import MASS_ROLES, PRESSURE_ROLES
+from recoil_processing.shot.regression import MASS_ROLES, PRESSURE_ROLES, missing_forces
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.shots.fired_shot import FiredShot
 

@@ -20,6 +20,7 @@ from recoil_processing.alignment.motion_alignment import INFLATIONS
 from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_processing.alignment.redundant_alignment import RedundantFit
 from recoil_processing.alignment.trigger_alignment import EdgeFit
+from recoil_processing.arguments import require_positive
 
 Fit = MotionFit | RedundantFit | EdgeFit
 
@@ -108,8 +109,7 @@ def judge_motion(
     ValueError
         If the noise density is not positive.
     """
-    if not noise_density > 0:
-        raise ValueError(f"noise_density must be positive, not {noise_density}")
+    require_positive(noise_density=noise_density)
     if isinstance(fit, str):
         return failed_alignment(clock, method, fit)
     if not _finite(fit.offset_s, fit.u_offset_s, fit.drift, fit.gain, fit.u_gain, fit.innovation_statistic):

@@ -16,6 +16,7 @@ import numpy as np
 from recoil_acquisition.arrays import Array
 from recoil_processing.alignment.correlation import coarse_lag
 from recoil_processing.alignment.lag_fit import GRID_PER_PERIOD, LagRows, solve_lag
+from recoil_processing.arguments import require_alike
 from recoil_processing.filters import LowPass
 
 LEAST_SAMPLES = 50
@@ -98,8 +99,7 @@ def measure_skew(first: Array, second: Array, rate_hz: float, cutoff_hz: float) 
     ValueError
         If the shapes differ, a rate is not positive, or the cut-off is not below a quarter of the sampling rate.
     """
-    if first.ndim != 1 or first.shape != second.shape:
-        raise ValueError(f"both channels must be one series of equal length, not {first.shape}, {second.shape}")
+    require_alike(first=first, second=second)
     if not (math.isfinite(rate_hz) and rate_hz > 0 and 0 < cutoff_hz < 0.25 * rate_hz):
         raise ValueError(f"cutoff_hz must lie between 0 and a quarter of rate_hz, not {cutoff_hz} of {rate_hz}")
     present = [int(np.count_nonzero(np.isfinite(channel))) for channel in (first, second)]

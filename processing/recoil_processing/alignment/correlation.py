@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from recoil_acquisition.arrays import Array
+from recoil_processing.arguments import require_finite, require_increasing
 
 MINIMUM_OVERLAP = 0.25
 """Least share of each record's energy that must overlap for a lag to be a candidate."""
@@ -81,16 +82,14 @@ def coarse_lag(
         If the reference is not finite, the times do not increase, or the records are too long for the
         search grid.
     """
-    if not np.all(np.isfinite(reference)):
-        raise ValueError("reference must be finite; bridge lost samples first")
+    require_finite(reference=reference)
     present = np.isfinite(source)
     t, y = source_times_s[present], source[present]
     if t.size < LEAST_SAMPLES:
         return f"only {t.size} samples are there to align by"
     if reference.size < LEAST_SAMPLES:
         return f"the reference has only {reference.size} samples to align by"
-    if not np.all(np.diff(t) > 0):
-        raise ValueError("source_times_s must increase strictly")
+    require_increasing(source_times_s=t)
     end_s = start_s + step_s * (reference.size - 1)
     if (t[-1] - t[0]) + (end_s - start_s) > MOST_SAMPLES * step_of_search_s:
         raise ValueError(

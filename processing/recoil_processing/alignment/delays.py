@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from recoil_processing.arguments import require_not_negative, require_positive
 from recoil_processing.filters.analog_filter import AnalogLowPass, FilterType
 
 ExposureStamp = Literal["start", "middle", "end"]
@@ -128,8 +129,8 @@ def mount_delay(resonance_hz: float, damping: float) -> DelayPart:
     ValueError
         If the frequency is not positive or the damping is negative.
     """
-    if not (math.isfinite(resonance_hz) and resonance_hz > 0 and 0 <= damping < math.inf):
-        raise ValueError(f"resonance_hz must be positive, not {resonance_hz}, damping not negative: {damping}")
+    require_positive(resonance_hz=resonance_hz)
+    require_not_negative(damping=damping)
     delay = damping / (math.pi * resonance_hz)
     return DelayPart("mount", delay, U_MOUNT * delay)
 
@@ -154,8 +155,7 @@ def exposure_delay(exposure_s: float, stamp: ExposureStamp | None = None) -> Del
     ValueError
         If the exposure is negative, or the stamp is unknown.
     """
-    if not 0 <= exposure_s < math.inf:
-        raise ValueError(f"exposure_s must not be negative, not {exposure_s}")
+    require_not_negative(exposure_s=exposure_s)
     if stamp is None:
         cause = "half the exposure, stamps taken for its start"
         return DelayPart(cause, -0.5 * exposure_s, 0.5 * exposure_s / math.sqrt(3.0))

@@ -19,11 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.arrays import Array, Flags
-from recoil_processing.alignment.frame_fault import FrameFault, correct_times
+from recoil_processing.alignment.frame_fault import FrameFault
 from recoil_processing.alignment.motion_least_squares import MotionModel, MotionSolution
 from recoil_processing.alignment.motion_solver import MotionSolver
-
-__all__ = ["FrameFault", "correct_times", "find_frame_faults"]
 
 Rows = NDArray[np.int64]
 

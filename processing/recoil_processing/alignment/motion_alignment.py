@@ -40,6 +40,7 @@ from recoil_processing.alignment.frame_fault import FrameFault, correct_times
 from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_processing.alignment.motion_least_squares import LONGEST_STEP_S, MotionModel, MotionSolution, profile
 from recoil_processing.alignment.motion_solver import LEAST_FRAMES, MotionSolver
+from recoil_processing.arguments import require_alike, require_finite, require_increasing, require_positive
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.noise import noise_sigma
 from recoil_processing.outliers import contradicting
@@ -124,7 +125,10 @@ def align_motion(
         If shapes do not fit, times do not increase, the acceleration is not finite, or its noise or step
         is not positive.
     """
-    _check(camera_times_s, displacement_m, step_s, acceleration_m_s2, acceleration_sigma_m_s2)
+    require_alike(camera_times_s=camera_times_s, displacement_m=displacement_m)
+    require_increasing(camera_times_s=camera_times_s)
+    require_finite(acceleration_m_s2=acceleration_m_s2)
+    require_positive(step_s=step_s, acceleration_sigma_m_s2=acceleration_sigma_m_s2)
     if acceleration_m_s2.size < 2:
         return f"only {acceleration_m_s2.size} samples of the acceleration are there"
     integral = DoubleIntegral.of(acceleration_m_s2, start_s, step_s)
@@ -215,18 +219,6 @@ def _seen_kicks(model: MotionModel, shift_s: float) -> tuple[float, ...]:
     if mapped.size <= 2 * KICK_FRAMES:
         return ()
     return tuple(k for k in model.kicks_s if mapped[KICK_FRAMES] < k < mapped[-1 - KICK_FRAMES])
-
-
-def _check(times_s: Array, positions: Array, step_s: float, acceleration: Array, sigma: float) -> None:
-    if times_s.ndim != 1 or times_s.shape != positions.shape:
-        raise ValueError(f"camera times and displacements must be equally many, not {times_s.shape}, {positions.shape}")
-    if not np.all(np.diff(times_s) > 0):
-        raise ValueError("camera_times_s must increase strictly")
-    if not np.all(np.isfinite(acceleration)):
-        raise ValueError("acceleration_m_s2 must be finite; bridge lost samples first")
-    for name, value in (("step_s", step_s), ("acceleration_sigma_m_s2", sigma)):
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"{name} must be positive, not {value}")
 
 
 def shows_motion(displacement_m: Array) -> bool:

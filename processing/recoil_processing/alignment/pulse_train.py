@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.lattice import LEAST_STAMPS, Lattice, find_lattice
+from recoil_processing.arguments import require_increasing, require_positive
 
 Indices = NDArray[np.intp]
 
@@ -87,11 +88,8 @@ def pair_pulses(
     ValueError
         If instants do not increase, the tolerance is not positive, or the records are too long for it.
     """
-    for name, instants in (("source_s", source_s), ("reference_s", reference_s)):
-        if instants.ndim != 1 or not np.all(np.diff(instants) > 0):
-            raise ValueError(f"{name} must be one series that increases strictly")
-    if not (math.isfinite(tolerance_s) and tolerance_s > 0):
-        raise ValueError(f"tolerance_s must be positive, not {tolerance_s}")
+    require_increasing(source_s=source_s, reference_s=reference_s)
+    require_positive(tolerance_s=tolerance_s)
     if min(source_s.size, reference_s.size) == 0:
         return "there are no pulses to pair"
     # counted from the middles of the records, an error of the rate does the least harm

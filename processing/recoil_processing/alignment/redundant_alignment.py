@@ -24,6 +24,7 @@ from recoil_acquisition.readers.time.bursts import find_bursts
 from recoil_processing.alignment.aliasing import folded_samples, usual_filter
 from recoil_processing.alignment.correlation import coarse_lag
 from recoil_processing.alignment.lag_fit import GRID_PER_PERIOD, LagRows, solve_lag
+from recoil_processing.arguments import require_alike, require_finite, require_increasing
 from recoil_processing.filters import LowPass
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.gaps import near
@@ -118,12 +119,9 @@ def align_redundant(
     ValueError
         If shapes do not fit, times do not increase, or the reference is not finite.
     """
-    if source_times_s.ndim != 1 or source_times_s.shape != source.shape:
-        raise ValueError(f"times and samples must be equally many, not {source_times_s.shape}, {source.shape}")
-    if not np.all(np.diff(source_times_s) > 0):
-        raise ValueError("source_times_s must increase strictly")
-    if not np.all(np.isfinite(reference)):
-        raise ValueError("reference must be finite; bridge lost samples first")
+    require_alike(source_times_s=source_times_s, source=source)
+    require_increasing(source_times_s=source_times_s)
+    require_finite(reference=reference)
     present = np.isfinite(source)
     t, y = source_times_s[present], source[present]
     if min(t.size, reference.size) < LEAST_SAMPLES:

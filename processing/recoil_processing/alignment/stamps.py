@@ -28,6 +28,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.time.bursts import find_bursts
 from recoil_acquisition.readers.time.counted_beat import is_one_beat
 from recoil_processing.alignment.lattice import count_steps
+from recoil_processing.arguments import require_alike
 
 Counts = NDArray[np.int64]
 Line = Literal["lower edge", "mean", "none"]
@@ -103,8 +104,8 @@ def even_stamps(times_s: Array, counts: Counts | None = None) -> EvenStamps:
     ValueError
         If there is not one count for each stamp.
     """
-    if counts is not None and counts.shape != times_s.shape:
-        raise ValueError(f"stamps and counts must be equally many, not {times_s.shape}, {counts.shape}")
+    if counts is not None:
+        require_alike(stamps=times_s, counts=counts)
     as_given = EvenStamps(times_s, "none")
     if times_s.size < 2 or not times_s[-1] > times_s[0]:
         return as_given

@@ -14,6 +14,7 @@ import numpy as np
 
 from recoil_acquisition.arrays import Array, Flags
 from recoil_processing.alignment.pulse_train import MOST_RATE, Indices, Pairing, pair_pulses
+from recoil_processing.arguments import require_increasing, require_not_negative, require_positive
 from recoil_processing.gaps import LONGEST_STEP
 from recoil_processing.noise import robust_sigma
 
@@ -143,11 +144,9 @@ def align_edges(
     ValueError
         If an uncertainty is not positive, or edges do not increase.
     """
-    if not (u_edge_s > 0 and drift_allowance >= 0):
-        raise ValueError(f"u_edge_s must be positive, not {u_edge_s}, drift_allowance not negative: {drift_allowance}")
-    for edges in (source_edges_s, reference_edges_s):
-        if not np.all(np.diff(edges) > 0):
-            raise ValueError("edges must increase strictly")
+    require_positive(u_edge_s=u_edge_s)
+    require_not_negative(drift_allowance=drift_allowance)
+    require_increasing(source_edges_s=source_edges_s, reference_edges_s=reference_edges_s)
     if source_edges_s.size == 0 or reference_edges_s.size == 0:
         where = "source" if reference_edges_s.size else "reference" if source_edges_s.size else "source and reference"
         return f"no trigger edge was recorded on {where}"

@@ -9,7 +9,6 @@ the instants and on the two noise levels alone, so that one pass serves any numb
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.arguments import require_increasing, require_positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +57,9 @@ class WalkFilter(ReadOnlyArrays):
         """
         if times_s.size == 0:
             raise ValueError("there are no instants")
+        require_increasing(times_s=times_s)
+        require_positive(marker_variance=marker_variance, density=density)
         steps = np.diff(times_s, prepend=times_s[0])
-        if not np.all(steps[1:] > 0):
-            raise ValueError("times_s must increase strictly")
-        for name, value in (("marker_variance", marker_variance), ("density", density)):
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be positive, not {value}")
         return cls(steps, *_gains_and_variances(steps.tobytes(), marker_variance, density))
 
     @property

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.arrays import Array
+from recoil_processing.arguments import require_positive
 
 FilterType = Literal["bessel", "butterworth"]
 
@@ -40,8 +41,7 @@ class AnalogLowPass:
     order: int = 4
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.cutoff_hz) and self.cutoff_hz > 0):
-            raise ValueError(f"cutoff_hz must be positive, not {self.cutoff_hz}")
+        require_positive(cutoff_hz=self.cutoff_hz)
         if not (1 <= self.order <= MOST_ORDER and self.order == int(self.order)):
             raise ValueError(f"order must be a whole number from 1 to {MOST_ORDER}, not {self.order}")
         if self.kind not in ("bessel", "butterworth"):

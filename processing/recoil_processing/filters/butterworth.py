@@ -15,12 +15,12 @@ from typing import ClassVar
 import numpy as np
 
 from recoil_acquisition.arrays import Array, Flags
+from recoil_processing.arguments import require_positive
 from recoil_processing.filters.two_pass import TwoPass
 from recoil_processing.filters.zero_phase_filter import (
     FilterDescription,
     apply_bridged,
     check_below_nyquist,
-    check_rate,
     check_shape,
 )
 
@@ -60,8 +60,7 @@ class LowPass:
     padding_periods: ClassVar[float] = 3.0
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.cutoff_hz) and self.cutoff_hz > 0):
-            raise ValueError(f"cutoff_hz must be positive, not {self.cutoff_hz}")
+        require_positive(cutoff_hz=self.cutoff_hz)
         if self.half_order < 1 or self.half_order != int(self.half_order):
             raise ValueError(f"half_order must be a whole number of at least 1, not {self.half_order}")
 
@@ -153,7 +152,7 @@ class LowPass:
         ValueError
             If the cut-off is not below the Nyquist frequency, or the samples are not finite.
         """
-        check_rate(rate_hz)
+        require_positive(rate_hz=rate_hz)
         check_shape(samples)
         return self.two_pass(rate_hz).run(samples)
 

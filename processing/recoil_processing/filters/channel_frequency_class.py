@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from recoil_acquisition.arrays import Array, Flags
+from recoil_processing.arguments import require_positive
 from recoil_processing.filters.two_pass import TwoPass
-from recoil_processing.filters.zero_phase_filter import FilterDescription, apply_bridged, check_rate, check_shape
+from recoil_processing.filters.zero_phase_filter import FilterDescription, apply_bridged, check_shape
 
 CORNER = 2.0775
 """Corner of one pass over the class: the -6 dB point of both."""
@@ -77,7 +78,7 @@ class ChannelFrequencyClass:
 
     def _warped(self, rate_hz: float) -> float:
         """Corner as the bilinear transform sees it, w_a of the standards."""
-        check_rate(rate_hz)
+        require_positive(rate_hz=rate_hz)
         if rate_hz < LEAST_RATE * self.number:
             raise ValueError(
                 f"channel frequency class {self.number:g} needs at least {LEAST_RATE * self.number:g} samples/s, "

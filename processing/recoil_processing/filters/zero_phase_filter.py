@@ -7,14 +7,14 @@ for both: see `recoil_processing.filters.filtered`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
 from recoil_acquisition.arrays import Array, Flags
+from recoil_processing.arguments import require_positive
 from recoil_processing.gaps import bridge, near
 
 LEAST_SAMPLES = 2
@@ -57,17 +57,7 @@ class FilterDescription:
 
     def to_json(self) -> dict[str, object]:
         """Return the description in JSON types, parameters under a key of their own."""
-        return {
-            "kind": self.kind,
-            "order": self.order,
-            "passes": self.passes,
-            "minus_3_db_hz": self.minus_3_db_hz,
-            "minus_6_db_hz": self.minus_6_db_hz,
-            "padding": self.padding,
-            "padding_s": self.padding_s,
-            "rate_hz": self.rate_hz,
-            "parameters": dict(self.parameters),
-        }
+        return asdict(self)
 
 
 class ZeroPhaseFilter(Protocol):
@@ -164,18 +154,6 @@ class LowPassFilter(ZeroPhaseFilter, Protocol):
         ...
 
 
-def check_rate(rate_hz: float) -> None:
-    """Refuse a sampling rate that is none.
-
-    Raises
-    ------
-    ValueError
-        If it is not positive and finite.
-    """
-    if not (math.isfinite(rate_hz) and rate_hz > 0):
-        raise ValueError(f"rate_hz must be positive, not {rate_hz}")
-
-
 def check_below_nyquist(cutoff_hz: float, rate_hz: float) -> None:
     """Refuse a sampling rate that is too low for a cut-off.
 
@@ -184,7 +162,7 @@ def check_below_nyquist(cutoff_hz: float, rate_hz: float) -> None:
     ValueError
         If the cut-off is not below half the rate, or the rate is none.
     """
-    check_rate(rate_hz)
+    require_positive(rate_hz=rate_hz)
     if not cutoff_hz < 0.5 * rate_hz:
         raise ValueError(f"a cut-off of {cutoff_hz:g} Hz needs more than {2 * cutoff_hz:g} samples/s, not {rate_hz:g}")
 
@@ -201,11 +179,6 @@ def check_shape(samples: Array) -> None:
         raise ValueError(f"samples must have shape (n_samples,) or (n_samples, n_channels), not {samples.shape}")
 
 
-def not_finite() -> ValueError:
-    """Return the error for samples that are missing or infinite."""
-    return ValueError("samples must be finite; use apply_with_gaps where some are missing (NaN)")
-
-
 def check_finite(samples: Array) -> None:
     """Refuse samples that are missing or infinite.
 
@@ -215,7 +188,7 @@ def check_finite(samples: Array) -> None:
         If one is.
     """
     if not np.all(np.isfinite(samples)):
-        raise not_finite()
+        raise ValueError("samples must be finite; use apply_with_gaps where some are missing (NaN)")
 
 
 def apply_bridged(zero_phase: ZeroPhaseFilter, samples: Array, rate_hz: float) -> tuple[Array, Flags]:

@@ -29,6 +29,13 @@ import numpy as np
 from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.motion_solver import LIKELIER
+from recoil_processing.arguments import (
+    require_alike,
+    require_finite,
+    require_increasing,
+    require_not_negative,
+    require_positive,
+)
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.fusion_least_squares import solve_fusion
 from recoil_processing.outliers import contradicting
@@ -146,10 +153,15 @@ def fuse(
     """
     lost = np.zeros(acceleration_m_s2.shape, dtype=bool) if bridged is None else bridged
     densities = [acceleration_density] if isinstance(acceleration_density, float | int) else [*acceleration_density]
-    _check(frame_times_s, displacement_m, step_s, acceleration_m_s2, lost, marker_sigma_m, densities)
-    for name, value in (("u_offset_s", u_offset_s), ("u_drift", u_drift)):
-        if not (math.isfinite(value) and value >= 0):
-            raise ValueError(f"{name} must be zero or positive, not {value}")
+    require_alike(frame_times_s=frame_times_s, displacement_m=displacement_m)
+    require_alike(acceleration_m_s2=acceleration_m_s2, bridged=lost)
+    require_increasing(frame_times_s=frame_times_s)
+    require_finite(acceleration_m_s2=acceleration_m_s2)
+    if acceleration_m_s2.size < 2 or not densities:
+        raise ValueError("there must be two samples of the acceleration, and a noise density to try")
+    require_positive(step_s=step_s, marker_sigma_m=marker_sigma_m)
+    require_positive(acceleration_density=min(densities), largest_density=max(densities))
+    require_not_negative(u_offset_s=u_offset_s, u_drift=u_drift)
     integral = DoubleIntegral.of(acceleration_m_s2, start_s, step_s)
     inside = np.isfinite(displacement_m) & integral.covers(frame_times_s)
     t, z = frame_times_s[inside], displacement_m[inside]
@@ -204,33 +216,3 @@ def _contradicting(times_s: Array, positions_m: Array, travel: Array, sigma: flo
     scale = np.maximum(np.abs(shapes).max(axis=0), np.finfo(np.float64).tiny)
     residual = positions_m - shapes / scale @ np.linalg.lstsq(shapes / scale, positions_m, rcond=None)[0]
     return contradicting(times_s, positions_m, residual, sigma)
-
-
-def _check(
-    times_s: Array,
-    positions_m: Array,
-    step_s: float,
-    acceleration: Array,
-    bridged: Flags,
-    sigma: float,
-    densities: Sequence[float],
-) -> None:
-    if times_s.ndim != 1 or times_s.shape != positions_m.shape:
-        raise ValueError(f"frames and displacements must be equally many, not {times_s.shape}, {positions_m.shape}")
-    if not np.all(np.diff(times_s) > 0):
-        raise ValueError("frame_times_s must increase strictly")
-    if acceleration.ndim != 1 or acceleration.size < 2 or bridged.shape != acceleration.shape:
-        raise ValueError(
-            f"two samples of the acceleration and a flag for each are needed, not {acceleration.shape}, {bridged.shape}"
-        )
-    if not densities:
-        raise ValueError("there must be a noise density to try")
-    if not np.all(np.isfinite(acceleration)):
-        raise ValueError("acceleration_m_s2 must be finite; bridge lost samples first")
-    for name, value in (
-        ("step_s", step_s),
-        ("marker_sigma_m", sigma),
-        *(("acceleration_density", density) for density in densities),
-    ):
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"{name} must be positive, not {value}")

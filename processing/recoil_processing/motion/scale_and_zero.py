@@ -12,7 +12,6 @@ as when the clocks are aligned (`recoil_processing.alignment.motion_alignment`).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,6 +20,7 @@ import numpy as np
 from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.velocity_walk import WalkFilter
+from recoil_processing.arguments import require_alike, require_positive
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.outliers import contradicting
 
@@ -242,10 +242,8 @@ def camera_motion(
     ValueError
         If shapes do not fit, or the marker's noise is not positive.
     """
-    if frame_times_s.shape != positions_m.shape:
-        raise ValueError(f"times and positions must be equally many, not {frame_times_s.shape}, {positions_m.shape}")
-    if not (math.isfinite(marker_sigma_m) and marker_sigma_m > 0):
-        raise ValueError(f"marker_sigma_m must be positive, not {marker_sigma_m}")
+    require_alike(frame_times_s=frame_times_s, positions_m=positions_m)
+    require_positive(marker_sigma_m=marker_sigma_m)
     seen = np.isfinite(positions_m) & integral.covers(frame_times_s)
     t, z = frame_times_s[seen], positions_m[seen]
     odd = contradicting(t, z, z - gain * integral.at(t)[0], marker_sigma_m)

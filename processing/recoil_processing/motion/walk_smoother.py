@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.arrays import Array, Flags
+from recoil_processing.arguments import require_increasing, require_positive
 
 _HERMITE = np.array([[1.0, 0.0, -3.0, 2.0], [0.0, 1.0, -2.0, 1.0], [0.0, 0.0, 3.0, -2.0], [0.0, 0.0, -1.0, 1.0]])
 """Powers of the share of a step, by columns, in the weights of position and velocity at its two ends."""
@@ -120,13 +121,11 @@ class WalkSmoother:
                 f"n nodes, n flags and n - 1 densities are needed, n at least 2, "
                 f"not {times_s.shape}, {seen.shape}, {densities.shape}"
             )
+        require_increasing(times_s=times_s)
+        require_positive(
+            marker_variance=marker_variance, least_density=densities.min(), largest_density=densities.max()
+        )
         steps = np.diff(times_s)
-        if not np.all(steps > 0):
-            raise ValueError("times_s must increase strictly")
-        if not (math.isfinite(marker_variance) and marker_variance > 0):
-            raise ValueError(f"marker_variance must be positive, not {marker_variance}")
-        if not (np.all(np.isfinite(densities)) and np.all(densities > 0)):
-            raise ValueError("densities must be positive")
         predicted, gains, variances = _filter(steps, seen, marker_variance, densities)
         forward = np.zeros((steps.size, 2, 2))
         forward[:, 0, 0] = forward[:, 1, 1] = 1.0

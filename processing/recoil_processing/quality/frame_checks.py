@@ -107,7 +107,7 @@ def _moving(positions: Array) -> Flags:
     moving = np.zeros(positions.shape[0], dtype=bool)
     for axis in positions.T:
         per_frame = np.abs(axis[2 * AROUND :] - axis[: -2 * AROUND]) / (2 * AROUND)
-        noise = max(math.sqrt(2.0) * _finite_or_zero(noise_sigma(axis)), hiding_resolution(axis) or 0.0)
+        noise = max(math.sqrt(2.0) * finite_or_zero(noise_sigma(axis)), hiding_resolution(axis) or 0.0)
         moving[AROUND:-AROUND] |= per_frame > MOVING_SIGMA * noise + 1e-12
     return moving
 
@@ -170,5 +170,6 @@ def check_frame_rate(times_s: Array, numbers: NDArray[np.int64] | None, declared
     return "ok", f"{rate_hz:.6g} frames/s, times and numbers agree"
 
 
-def _finite_or_zero(value: float) -> float:
+def finite_or_zero(value: float) -> float:
+    """Return a number, 0 where it is none."""
     return value if math.isfinite(value) else 0.0

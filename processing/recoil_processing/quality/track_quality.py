@@ -15,7 +15,7 @@ from recoil_acquisition.clocks.timebase import usual_step_s
 from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.readers.tracks.rest import rest_repeats
 from recoil_processing.noise import hiding_resolution, noise_sigma, robust_sigma
-from recoil_processing.quality.frame_checks import MOVING_SIGMA
+from recoil_processing.quality.frame_checks import MOVING_SIGMA, finite_or_zero
 from recoil_processing.quality.limits import LIMITS, Outcome
 
 LEAST_REST = 16
@@ -99,7 +99,7 @@ def _repeats_in_motion(present: Array) -> tuple[int, int]:
     lengths = np.diff(np.append(first, present.size))
     per_frame = np.abs(np.diff(present[first])) / lengths[:-1]
     start = present[: max(LEAST_REST, present.size // 20)]
-    noise = max(robust_sigma(np.diff(start)), math.sqrt(2.0) * _finite_or_zero(noise_sigma(present)))
+    noise = max(robust_sigma(np.diff(start)), math.sqrt(2.0) * finite_or_zero(noise_sigma(present)))
     # an encoder repeats what it reads until it has gone on by a step
     noise = max(noise, hiding_resolution(present) or 0.0)
     moving = per_frame > MOVING_SIGMA * noise + 1e-12
@@ -238,7 +238,3 @@ def _rests(times_s: Array, positions_m: Array, sigma_m: float) -> tuple[Array, A
         if step > 5 * max(sigma_m, 1e-12) * math.sqrt(2 / half):
             return what
     return ends
-
-
-def _finite_or_zero(value: float) -> float:
-    return value if math.isfinite(value) else 0.0

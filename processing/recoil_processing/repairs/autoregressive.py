@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.arguments import require_alike
 from recoil_processing.gaps import bridge
 
 MOST_ORDER = 48
@@ -83,8 +84,7 @@ def interpolate_unknown(
         If a known sample is not finite, shapes do not fit, an unknown sample has two bounds, or the order is not
         positive.
     """
-    if samples.ndim != 1 or unknown.shape != samples.shape:
-        raise ValueError(f"samples and unknown must be alike, not {samples.shape} and {unknown.shape}")
+    require_alike(samples=samples, unknown=unknown)
     if most_order < 1:
         raise ValueError(f"most_order must be at least 1, not {most_order}")
     if not np.all(np.isfinite(samples[~unknown])):

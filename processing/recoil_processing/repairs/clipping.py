@@ -414,12 +414,8 @@ class _Shown:
     unit: Unit
 
     def __str__(self) -> str:
-        low, high = (self.number(end) for end in (self.low, self.high))
+        low, high = (self.unit.from_si(end) for end in (self.low, self.high))
         return f"[{low:g}, {high:g}] {self.name}"
-
-    def number(self, value: float) -> float:
-        """Return an SI value in the unit."""
-        return (value - self.unit.offset) / self.unit.factor
 
 
 def _repair_of(flags: Flags, runs: Sequence[ClippedRun], u: Array, shown: _Shown) -> Repair:
@@ -430,7 +426,8 @@ def _repair_of(flags: Flags, runs: Sequence[ClippedRun], u: Array, shown: _Shown
         RepairKind.CLIPPED_REPAIRED,
         flags,
         f"{count} samples in {len(runs)} runs of at most {longest} are clipped at {shown} and were replaced by how the "
-        f"wave goes on around them, up to {shown.number(highest):.4g} {shown.name}: no peak may be claimed from them",
+        f"wave goes on around them, up to {shown.unit.from_si(highest):.4g} {shown.name}: no peak may be claimed from "
+        "them",
         {"runs": len(runs), "longest_run": longest, "largest_magnitude": highest, "largest_u": largest},
     )
 

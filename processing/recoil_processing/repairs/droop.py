@@ -14,6 +14,7 @@ import numpy as np
 
 from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.arguments import require_not_negative, require_positive
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
 from recoil_processing.repairs.bridged_gaps import bridge_errors
@@ -72,12 +73,8 @@ def invert_droop(
         If the time constant or the step is not positive, an uncertainty is negative, the rest level is not finite,
         or none of the samples is there.
     """
-    for name, value in (("time_constant_s", time_constant_s), ("step_s", step_s)):
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"{name} must be positive, not {value}")
-    for name, value in (("u_time_constant_s", u_time_constant_s), ("u_rest", u_rest), ("noise", noise)):
-        if not value >= 0:
-            raise ValueError(f"{name} must not be negative, not {value}")
+    require_positive(time_constant_s=time_constant_s, step_s=step_s)
+    require_not_negative(u_time_constant_s=u_time_constant_s, u_rest=u_rest, noise=noise)
     if not math.isfinite(rest):
         raise ValueError(f"rest must be finite, not {rest}")
     lost = np.isnan(samples)

@@ -15,6 +15,7 @@ from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.clocks.timebase import rounded_step_s, usual_step_s
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.arguments import require_alike, require_increasing
 from recoil_processing.gaps import runs_of
 from recoil_processing.repairs.repair import Repair, RepairKind
 
@@ -110,9 +111,8 @@ def find_drop_outs(samples: Array, times_s: Array | None = None, *, spared: Flag
     ValueError
         If shapes do not fit, or stamps do not increase.
     """
-    if samples.ndim != 1 or (spared is not None and spared.shape != samples.shape):
-        raise ValueError("samples must be one series, and spared alike")
-    clipped = np.zeros(samples.size, dtype=bool) if spared is None else spared
+    clipped = np.zeros(samples.shape, dtype=bool) if spared is None else spared
+    require_alike(samples=samples, spared=clipped)
     # what is infinite was beyond the converter: clipping judges it where a range says so
     lost = np.isnan(samples) | (np.isinf(samples) & ~clipped)
     held = _held(samples, lost | clipped)
@@ -153,8 +153,7 @@ def _held(samples: Array, apart: Flags) -> Flags:
 
 def _mistimed(times_s: Array, samples: Array) -> tuple[Flags, int]:
     """Flag samples whose stamp is off, and count those that are absent."""
-    if times_s.shape != samples.shape:
-        raise ValueError(f"stamps and samples must be equally many, not {times_s.shape} and {samples.shape}")
+    require_alike(stamps=times_s, samples=samples)
     steps = judge_steps(times_s)
     flags = np.zeros(samples.size, dtype=bool)
     # a stamp between two steps that are off is the one at fault; beside a lone one either may be
@@ -205,9 +204,8 @@ def judge_steps(times_s: Array) -> Steps:
     ValueError
         If stamps do not increase.
     """
+    require_increasing(stamps=times_s)
     steps = np.diff(times_s)
-    if not np.all(steps > 0):
-        raise ValueError("stamps must increase strictly")
     if times_s.size < LEAST_RUN:
         return Steps(np.zeros(steps.size, dtype=bool), 0, math.nan, 0.0)
     rounded_s = rounded_step_s(times_s)

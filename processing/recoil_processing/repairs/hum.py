@@ -19,6 +19,7 @@ import numpy as np
 
 from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.arguments import require_alike, require_positive
 from recoil_processing.repairs.hum_line import HumLine
 from recoil_processing.repairs.mains_fit import NEIGHBOURS, Baseline
 from recoil_processing.repairs.repair import Repair, RepairKind, changed
@@ -107,10 +108,8 @@ def subtract_hum(
     ValueError
         If shapes do not fit, or a frequency is not positive.
     """
-    if samples.ndim != 1 or in_baseline.shape != samples.shape:
-        raise ValueError(f"samples and in_baseline must be alike, not {samples.shape} and {in_baseline.shape}")
-    if not (rate_hz > 0 and mains_hz and min(mains_hz) > 0):
-        raise ValueError(f"rate and mains must be positive, not {rate_hz}, {list(mains_hz)}")
+    require_alike(samples=samples, in_baseline=in_baseline)
+    require_positive(rate_hz=rate_hz, mains_hz=min(mains_hz, default=0.0))
     at = np.flatnonzero(in_baseline & np.isfinite(samples))
     length_s = (at[-1] - at[0] + 1) / rate_hz if at.size else 0.0
     needed_s = LEAST_PERIODS / min(mains_hz)

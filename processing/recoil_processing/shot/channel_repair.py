@@ -26,7 +26,8 @@ from recoil_processing.repairs.hum import subtract_hum
 from recoil_processing.repairs.repair import Repair, Repaired
 from recoil_processing.repairs.short_gaps import bridge_short_gaps
 from recoil_rigs.rig import ChannelSpec
-from recoil_rigs.shots.assemble import range_si, shown_unit
+from recoil_rigs.shots.assemble import shown_unit
+from recoil_rigs.tables.channel_table import range_si
 
 U_TIME_CONSTANT = 0.05
 """Relative standard uncertainty of a chain's time constant where none is declared: that of its components."""

@@ -9,8 +9,7 @@ import numpy as np
 from recoil_acquisition.arrays import Array
 from recoil_processing.shot.thinned import thinned_beside
 from recoil_rigs.rig import ChannelSpec
-from recoil_rigs.shots.assemble import range_si
-from recoil_rigs.tables.channel_table import UNRESTED_U_ZERO_REL
+from recoil_rigs.tables.channel_table import UNRESTED_U_ZERO_REL, range_si
 
 MOVES_S = (2e-3, 30e-3, 0.3)
 """Time constants of the ways in which a gauge's zero may move at the shot: at once, as a late ramp does and one that is

@@ -18,7 +18,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import integrate
 from recoil_processing.filters import LowPass
-from recoil_processing.gaps import bridge
+from recoil_processing.gaps import bridge, first_of_run
 from recoil_processing.motion.derivative import first_derivative, second_derivative
 from recoil_processing.noise import noise_sigma, robust_sigma
 
@@ -242,9 +242,9 @@ def _departure(sides: Sequence[tuple[Array, Array]], static_m_s2: float) -> int:
         if not largest > 0 or not steady or off > ZERO_LEVEL * largest:
             return 0
         moves = np.abs(side - level) > max(REST_LEVEL * largest, NOISES * spread)
-        run = np.convolve(moves, np.ones(IN_A_ROW), mode="full")[IN_A_ROW - 1 :] > IN_A_ROW - 0.5
-        if run.any():
-            still = np.flatnonzero(np.abs(side[: int(np.argmax(run)) + 1] - level) <= 0.5 * NOISES * spread)
+        begins = first_of_run(moves, IN_A_ROW)
+        if begins is not None:
+            still = np.flatnonzero(np.abs(side[: begins + 1] - level) <= 0.5 * NOISES * spread)
             found = min(found, int(still[-1]) if still.size else 0)
     return found
 

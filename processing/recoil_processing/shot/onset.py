@@ -9,6 +9,7 @@ import numpy as np
 
 from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
+from recoil_processing.gaps import first_of_run
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.thinned import thinned_beside
 
@@ -62,8 +63,8 @@ def find_onset(times_s: Array, series: Mapping[str, Array]) -> float:
     sigma = max(sigma, 1e-12) if math.isfinite(sigma) else 1e-12
     peak = float(np.max(signal))
     force = signal > max(ONSET_SHARE * peak, ONSET_SIGMA * sigma)
-    run = np.convolve(force, np.ones(ONSET_SAMPLES), mode="full")[ONSET_SAMPLES - 1 :] > ONSET_SAMPLES - 0.5
-    if peak < LEAST_PEAK_SIGMA * sigma or not run.any():
+    begins = first_of_run(force, ONSET_SAMPLES)
+    if peak < LEAST_PEAK_SIGMA * sigma or begins is None:
         turned = float(np.max(-signal))
         found, remedy = "", "check that the file is of this shot and the sensor was connected, or record faster"
         # an acceleration swings to both sides, a pressure does not
@@ -75,5 +76,5 @@ def find_onset(times_s: Array, series: Mapping[str, Array]) -> float:
             expected=f"at least {LEAST_PEAK_SIGMA:g} times, over {ONSET_SAMPLES} samples",
             remedy=remedy,
         )
-    at_rest = np.flatnonzero(signal[: int(np.argmax(run)) + 1] < 3 * sigma)
+    at_rest = np.flatnonzero(signal[: begins + 1] < 3 * sigma)
     return float(times_s[present[at_rest[-1] if at_rest.size else 0]])

@@ -12,7 +12,7 @@ Gravity is in neither side, for a' is the specific force along the line.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -23,6 +23,7 @@ from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import Filtered, LowPassFilter, filter_alike
+from recoil_processing.gaps import runs_of
 from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.release import FEWEST, end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.signals import Signals
@@ -185,8 +186,7 @@ class Regression(ReadOnlyArrays):
             return whole_s
         speed = np.abs(self.speed_m_s[self.inside])
         moves = speed > SLOW_SHARE * np.max(speed, initial=0.0)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], moves, [False]])))
-        strokes = np.sort(edges[1::2] - edges[::2])
+        strokes = np.sort([stop - start for start, stop in runs_of(moves)])
         if not strokes.size:
             return whole_s
         # that of which half of the motion is part: about a stop noise makes many short ones
@@ -302,13 +302,8 @@ def build_regression(
         If a pressure is missing or all that tells of it is lost, or the part is never driven to the rear or never moves
         there.
     """
-    missing = [role for role in PRESSURE_ROLES if role not in signals.series]
-    if missing:
-        raise IdentificationError(
-            f"no usable channel of role {', '.join(missing)}",
-            expected="breech, brake and recuperator pressure, on clocks that could be aligned",
-            remedy="declare the roles in the rig file, or mend the alignment",
-        )
+    if missing := [role for role in PRESSURE_ROLES if role not in signals.series]:
+        raise missing_forces(missing)
     m, s = mechanism, signals.series
     times = signals.times_s
     end_s = end_of_travel(times, velocity_m_s, signals.onset_s)
@@ -346,6 +341,15 @@ def build_regression(
         interval,
         stop_release.mean_n_s,
         stop_release.u_n_s,
+    )
+
+
+def missing_forces(roles: Sequence[str]) -> IdentificationError:
+    """Return what a shot without some of its forces is refused with."""
+    return IdentificationError(
+        f"no usable channel of role {', '.join(roles)}: without all forces a motion identifies no mass",
+        expected="breech, brake and recuperator pressure, on clocks that could be aligned",
+        remedy="declare the roles in the rig file, or mend the alignment",
     )
 
 

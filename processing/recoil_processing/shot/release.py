@@ -6,10 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
+from recoil_processing.gaps import first_of_run, longest_run
 from recoil_processing.shot.thinned import factor_of, thinned_beside
 
 SUSTAINED = 10
@@ -46,34 +46,22 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
     factor = factor_of(times_s)
     times_s, net_force_n = thinned_beside(times_s, net_force_n)
     driving = (times_s >= onset_s - 1e-9) & (np.nan_to_num(net_force_n, nan=-1.0) > 0)
-    release = _first_of_run(driving, SUSTAINED)
+    release = first_of_run(driving, SUSTAINED)
     if release is None and times_s.size > 1:
         fewer = max(FEWEST, math.ceil(SUSTAINED_S / float(times_s[1] - times_s[0])))
-        release = _first_of_run(driving, fewer) if fewer < SUSTAINED else None
+        release = first_of_run(driving, fewer) if fewer < SUSTAINED else None
     if release is None:
         present = net_force_n[np.isfinite(net_force_n)]
         largest = f"at most {present.max() / 1e3:.1f} kN" if present.size else "no sample of all three pressures"
+        first, behind = longest_run(driving)
         raise IdentificationError(
             "the force by the gauges never drives the recoiling part to the rear",
             expected=f"a positive net force over {SUSTAINED} samples, or over {FEWEST} that last "
             f"{1e3 * SUSTAINED_S:g} ms",
-            found=f"{largest}, over {_longest_run(driving)} samples",
+            found=f"{largest}, over {behind - first} samples",
             remedy="check areas, units and polarities of the pressures in the rig file, or record faster",
         )
     return release * factor
-
-
-def _first_of_run(flags: NDArray[np.bool_], length: int) -> int | None:
-    """Index of the first of so many flags in a row: a single noisy sample is none."""
-    run = np.convolve(flags, np.ones(length), mode="full")[length - 1 :]
-    sustained = np.flatnonzero(run > length - 0.5)
-    return int(sustained[0]) if sustained.size else None
-
-
-def _longest_run(flags: NDArray[np.bool_]) -> int:
-    """Return how many flags in a row there are at most."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return int(np.max(edges[1::2] - edges[::2], initial=0))
 
 
 class StopReleaseImpulse(NamedTuple):

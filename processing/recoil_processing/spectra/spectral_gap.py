@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
 
 from recoil_acquisition.arrays import Array
+from recoil_processing.arguments import require_positive
 from recoil_processing.gaps import bridge
 from recoil_processing.spectra.spectrum import Spectrum, multitaper, smooth
 
@@ -141,8 +141,7 @@ def shot_spectrum(
     """
     if quantity not in ROLL_OFF:
         raise ValueError(f"no rule for the ringing of a {quantity}; one of {', '.join(ROLL_OFF)}")
-    if not (math.isfinite(rate_hz) and rate_hz > 0):
-        raise ValueError(f"rate_hz must be positive, not {rate_hz}")
+    require_positive(rate_hz=rate_hz)
     first, last = shot_window(samples.size, rate_hz, onset_index)
     window = samples[first:last]
     if np.any(np.isinf(window)):

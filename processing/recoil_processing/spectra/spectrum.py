@@ -17,6 +17,7 @@ import numpy as np
 
 from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.arguments import require_finite, require_positive
 
 TIME_BANDWIDTH = 4.0
 """Half width of the tapers' main lobe times the length of the window."""
@@ -68,12 +69,10 @@ def multitaper(samples: Array, rate_hz: float) -> Spectrum:
     ValueError
         If there are fewer than 16 samples, one of them is not finite, or the rate is not positive.
     """
-    if not (math.isfinite(rate_hz) and rate_hz > 0):
-        raise ValueError(f"rate_hz must be positive, not {rate_hz}")
+    require_positive(rate_hz=rate_hz)
     if samples.ndim != 1 or samples.size < 16:
         raise ValueError(f"a spectrum needs one row of at least 16 samples, not shape {samples.shape}")
-    if not np.all(np.isfinite(samples)):
-        raise ValueError("samples must be finite; bridge lost samples first")
+    require_finite(samples=samples)
     from scipy.fft import next_fast_len, rfft
 
     # a length with small factors is a handful of zeros longer and up to ten times quicker

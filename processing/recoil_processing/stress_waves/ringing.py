@@ -16,6 +16,7 @@ from statistics import median
 import numpy as np
 
 from recoil_acquisition.arrays import Array, Complex
+from recoil_processing.arguments import require_alike, require_finite
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import near, runs_of
 from recoil_processing.spectra.spectrum import multitaper, smooth
@@ -114,14 +115,12 @@ def ringing_modes(
         If the samples are not finite, the two do not match, the rate is not positive, or `lowest_hz` is
         not between 0 and half the rate.
     """
-    if recorded is not None and recorded.shape != residual.shape:
-        raise ValueError(f"recorded has shape {recorded.shape}, residual {residual.shape}")
+    require_alike(residual=residual, recorded=residual if recorded is None else recorded)
     if not 0 < lowest_hz < 0.5 * rate_hz:
         raise ValueError(f"lowest_hz must be between 0 and {0.5 * rate_hz:g}, not {lowest_hz}")
     if not 0 <= first < residual.size:
         raise ValueError(f"first {first} is not one of the record's {residual.size} samples")
-    if not np.all(np.isfinite(residual)):
-        raise ValueError("residual must be finite; bridge lost samples first")
+    require_finite(residual=residual)
     shot = residual[first:]
     if shot.size < 64 or not np.any(shot):
         return ()

@@ -14,6 +14,7 @@ import numpy as np
 
 from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.arguments import require_finite, require_positive
 
 QUALITY_FACTOR = 10.0
 """Usual for shock, MIL-STD-810H: 5 % of critical damping."""
@@ -82,8 +83,7 @@ def absolute_acceleration_filter(
     With ``A = w T / 2Q``, ``B = w T sqrt(1 - 1/4Q^2)``, ``E = exp(-A)``, ``K = E cos B``, ``S = E sin B / B``:
     ``b = [1 - S, 2 (S - K), E^2 - S]``, ``a = [1, -2 K, E^2]``.
     """
-    if not (0 < frequency_hz < math.inf and 0 < rate_hz < math.inf):
-        raise ValueError(f"frequency and rate must be positive, not {frequency_hz} and {rate_hz}")
+    require_positive(frequency_hz=frequency_hz, rate_hz=rate_hz)
     if not (0.5 < quality < math.inf):
         raise ValueError(f"quality must be above 0.5, not {quality}")
     w = 2 * math.pi * frequency_hz / rate_hz
@@ -120,8 +120,7 @@ def shock_response(
     """
     from scipy.signal import lfilter  # only here: it takes a second to import
 
-    if not np.all(np.isfinite(acceleration)):
-        raise ValueError("acceleration must be finite; bridge lost samples first")
+    require_finite(acceleration=acceleration)
     positive, negative = np.zeros(frequencies_hz.size), np.zeros(frequencies_hz.size)
     for i, frequency in enumerate(frequencies_hz):
         b, a = absolute_acceleration_filter(float(frequency), rate_hz, quality)

@@ -16,6 +16,7 @@ import numpy as np
 
 from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.arguments import require_not_negative
 from recoil_processing.filters import LowPassFilter
 from recoil_processing.gaps import bridge, near
 from recoil_processing.spectra.cutoff import CutoffChoice, choose_cutoff
@@ -186,6 +187,5 @@ def onset_known_well_enough(low_pass: LowPassFilter, u_onset_s: float) -> bool:
     ValueError
         If the uncertainty is negative or NaN.
     """
-    if not u_onset_s >= 0:
-        raise ValueError(f"u_onset_s must not be negative, not {u_onset_s}")
+    require_not_negative(u_onset_s=u_onset_s)
     return u_onset_s * low_pass.cutoff_hz <= MOST_PERIODS_OFF

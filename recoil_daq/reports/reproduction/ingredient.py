@@ -67,13 +67,12 @@ def digest_differences(expected: Iterable[tuple[Path, str | Collection[str], str
     expected
         Path, digests that it may have, and what a difference says that it should be.
     """
-    differences = tuple(
+    return Comparison.of(
         Difference(f"SHA-256 of {path}", stated, now)
         for one, allowed, stated in expected
         for path, now in _digests([one])
         if now not in allowed
     )
-    return Comparison(0, differences, 0.0)
 
 
 def rows_since(path: Path, logged: Mapping[str, Mapping[str, Any] | None]) -> str:

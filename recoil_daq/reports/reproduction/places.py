@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
@@ -14,8 +15,28 @@ from recoil_identification.targets import target_names
 ANEW = "identify the shot anew"
 
 
-def find_reports(place: str | Path) -> list[Path]:
+def named_in(folder: Path, *names: str) -> list[Path]:
+    """Return the files of some names in a folder and in those in it, in the order of their paths."""
+    return sorted(path for name in names for path in (*folder.glob(name), *folder.glob(f"*/{name}")))
+
+
+def reports_in(folder: Path) -> list[Path]:
+    """Return the ``report.json`` of a folder and of those in it."""
+    return named_in(folder, REPORT_FILE)
+
+
+def targets_in(folder: Path) -> list[Path]:
+    """Return the documents of targets in a folder and in those in it."""
+    return named_in(folder, *(f"{target}.json" for target in target_names()))
+
+
+def find_reports(place: str | Path, within: Callable[[Path], list[Path]] = reports_in) -> list[Path]:
     """Return the reports of a place: a ``report.json``, the folder of one, or a folder of such folders.
+
+    Parameters
+    ----------
+    within
+        Function that lists what is looked for in a folder.
 
     Raises
     ------
@@ -27,7 +48,7 @@ def find_reports(place: str | Path) -> list[Path]:
         if not place.exists():
             raise ReadError("no such file or folder", path=place, remedy="check the name and the folder")
         return [place]
-    found = reports_in(place)
+    found = within(place)
     if not found:
         targets = targets_in(place)
         raise ReadError(
@@ -37,14 +58,3 @@ def find_reports(place: str | Path) -> list[Path]:
             remedy=f"name the target's own file: {', '.join(map(str, targets))}" if targets else None,
         )
     return found
-
-
-def targets_in(folder: Path) -> list[Path]:
-    """Return the documents of targets in a folder and in those in it, in the order of their names."""
-    names = [f"{target}.json" for target in target_names()]
-    return sorted(path for name in names for path in (*folder.glob(name), *folder.glob(f"*/{name}")))
-
-
-def reports_in(folder: Path) -> list[Path]:
-    """Return the ``report.json`` of a folder and of those in it, in the order of their names."""
-    return sorted([*folder.glob(REPORT_FILE), *folder.glob(f"*/{REPORT_FILE}")])

@@ -93,22 +93,22 @@ def recompute(kept: KeptDocument, folders: Sequence[Path] = (), *, progress: Pro
     odd = [Difference(f"a number of {kept.path.name}", one, repr(float(one))) for one in kept.other_digits]
     seal, digest = stored["provenance"].get(SEAL), digest_of(stored)
     odd += [Difference(f"provenance.{SEAL}", seal, digest)] if seal != digest else []
-    return Recomputed(kept, again, comparison.joined(Comparison(0, tuple(odd), 0.0)))
+    return Recomputed(kept, again, comparison.joined(Comparison.of(odd)))
 
 
 def _compared(path: Path, stored: Mapping[str, Any], text: str, *, exact: bool) -> Comparison:
     """Compare a file beside a document, and its digest, with the same file made again."""
     name = path.name
     if not path.is_file():
-        return Comparison(0, (Difference(name, None, "a table"),), 0.0)
+        return Comparison.of([Difference(name, None, "a table")])
     most = MOST_OF_A_TABLE * len(text.encode())
     content = read_beginning(path, most + 1)
     if len(content) > most:
         larger = Difference(f"size of {name}", f"over {most:,} bytes", f"{most // MOST_OF_A_TABLE:,} bytes")
-        return Comparison(0, (larger,), 0.0)
+        return Comparison.of([larger])
     found = compare_tables(name, content.decode("utf-8", "replace"), text, exact=exact)
     listed = {one.get("file"): one.get("sha256") for one in stored["provenance"].get("outputs", ())}
     digest = hashlib.sha256(content).hexdigest()
     if listed.get(name) != digest and not found.differences:
-        return found.joined(Comparison(0, (Difference(f"SHA-256 of {name}", listed.get(name), digest),), 0.0))
+        return found.joined(Comparison.of([Difference(f"SHA-256 of {name}", listed.get(name), digest)]))
     return found

@@ -19,22 +19,6 @@ from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit
 from recoil_acquisition.readers.own_rows import own_rows
 from recoil_acquisition.readers.recording import Recording, SignalHeader
 from recoil_rigs.rig import ChannelSpec, Rig, Source
-from recoil_rigs.tables.channel_table import range_si
-
-__all__ = [
-    "about_unknown_unit",
-    "assemble_channels",
-    "chain_applies",
-    "find_signal",
-    "in_si",
-    "match_files",
-    "range_si",
-    "sensor_factor",
-    "shown_unit",
-    "si_line",
-    "unit_of",
-    "unknown_unit",
-]
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,9 @@ from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_acquisition.readers.recording import SignalHeader
 from recoil_rigs.rig import ChannelSpec, Rig, Source
-from recoil_rigs.shots.assemble import range_si, shown_unit, si_line, unit_of
+from recoil_rigs.shots.assemble import shown_unit, si_line, unit_of
 from recoil_rigs.shots.can_signals import faults_of_can_signals
+from recoil_rigs.tables.channel_table import range_si
 
 
 def live_sources(

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Pair, Positive, Text
-from recoil_acquisition.errors import Fault, FaultCode, nearest_first
+from recoil_acquisition.errors import Fault, FaultCode, did_you_mean, nearest_first
 from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit, normalise_unit
 from recoil_rigs.tables.rig_tables import GAUGE_ROLES, ROLES
 from recoil_rigs.tables.sensitivity import (
@@ -285,8 +285,7 @@ def range_si(spec: ChannelSpec) -> tuple[float, float] | None:
 
 def _faults_of_role(channel: ChannelSpec) -> Iterator[Fault]:
     if channel.role and channel.role not in ROLES:
-        nearest = nearest_first(channel.role, list(ROLES))[0]
-        problem = f"unknown role {channel.role!r}; did you mean `{nearest}`?"
+        problem = f"unknown role {channel.role!r}; {did_you_mean(channel.role, list(ROLES), quote='`')}"
         yield Fault(("role",), problem, FaultCode.UNKNOWN)
     elif channel.role and channel.quantity in SI_UNITS and channel.quantity != ROLES[channel.role]:
         problem = f"role {channel.role!r} needs quantity {ROLES[channel.role]!r}, found {channel.quantity!r}"
@@ -295,8 +294,8 @@ def _faults_of_role(channel: ChannelSpec) -> Iterator[Fault]:
 
 def _faults_of_unit(channel: ChannelSpec) -> Iterator[Fault]:
     if channel.quantity not in SI_UNITS:
-        nearest = nearest_first(channel.quantity, list(SI_UNITS))[0]
-        problem = f"unknown quantity {channel.quantity!r}; did you mean `{nearest}`?"
+        nearest = did_you_mean(channel.quantity, list(SI_UNITS), quote="`")
+        problem = f"unknown quantity {channel.quantity!r}; {nearest}"
         yield Fault(("quantity",), problem, FaultCode.UNKNOWN)
         return
     if channel.unit is None:

@@ -31,6 +31,7 @@ from recoil_rigs.twin.virtual_settings import set_apart, virtual_settings, with_
 
 __all__ = [
     "CampaignPlan",
+    "ErrorCode",
     "LineSettings",
     "PlannedShot",
     "TwinSettings",
@@ -233,12 +234,7 @@ def _write(folder: Path, contents: Mapping[str, bytes]) -> None:
     """Write all files into a folder, none over an existing one; none of them is there unless it is whole."""
     for name in contents:
         if (folder / name).exists():
-            raise StoreError(
-                "exists already",
-                code=ErrorCode.EXISTS,
-                path=folder / name,
-                remedy="choose another folder or remove it first",
-            )
+            raise StoreError.exists(folder / name, "choose another folder or remove it first")
     partials = {name: partial_path(folder / name) for name in contents}
     try:
         with system_errors_as(StoreError, folder, "written", "choose another folder with --out, or make room there"):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.errors import Fault, FaultCode, ReadError, Row, nearest_first
+from recoil_acquisition.errors import Fault, FaultCode, ReadError, Row, did_you_mean, nearest_first
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_rigs.rig import ChannelSpec, Source
 from recoil_rigs.twin.files import CanFrame, can_log
@@ -101,8 +101,7 @@ def _payloads(scene: Scene, message: Any, specs: list[ChannelSpec], at: Array, f
     for spec in specs:
         name = spec.signal.partition(".")[2]
         if name not in signals:
-            nearest = nearest_first(name, list(signals))[0]
-            problem = f"{message.name} has no {name!r}; did you mean {nearest!r}?"
+            problem = f"{message.name} has no {name!r}; {did_you_mean(name, list(signals))}"
             faults.append(Fault((Row("channel", spec.name), "signal"), problem, FaultCode.UNKNOWN))
             continue
         signal = signals[name]

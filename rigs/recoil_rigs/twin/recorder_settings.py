@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from recoil_acquisition.declaration import NotNegative, Positive
-from recoil_acquisition.errors import Fault, FaultCode, Row, nearest_first
+from recoil_acquisition.errors import Fault, FaultCode, Row, did_you_mean
 from recoil_rigs.rig import ROLES, RedundantAlignment, Rig
 from recoil_rigs.tables.rig_tables import FORCE_SENSOR_ROLES
 from recoil_rigs.twin.readings import Readings
@@ -173,22 +173,19 @@ def _faults_of_measures(rig: Rig, settings: RecorderSettings, known: tuple[str, 
     roles: Mapping[str, Any] = measured_roles(rig, settings)
     quantities = {c.name: c.quantity for c in rig.channels}
     measures = (TWIN, "measures")
+    for key in ("measures", "skew_s"):
+        for name in (one for one in getattr(settings, key) if one not in quantities):
+            problem = f"no such channel; {did_you_mean(name, sorted(quantities), quote='`')}"
+            faults.append(Fault((TWIN, key, name), problem, FaultCode.UNKNOWN))
     for name, role in settings.measures.items():
         if name not in quantities:
-            nearest = nearest_first(name, sorted(quantities))[0]
-            problem = f"no such channel; did you mean `{nearest}`?"
-            faults.append(Fault((*measures, name), problem, FaultCode.UNKNOWN))
-        elif role not in known:
-            problem = f"unknown role; did you mean `{nearest_first(role, list(known))[0]}`?"
+            continue
+        if role not in known:
+            problem = f"unknown role; {did_you_mean(role, known, quote='`')}"
             faults.append(Fault((*measures, name), problem, FaultCode.UNKNOWN, name))
         elif ROLES[role] != quantities[name]:
             problem = f"{role} is no {quantities[name]}"
             faults.append(Fault((*measures, name), problem, FaultCode.CONTRADICTION, name))
-    for name in settings.skew_s:
-        if name not in quantities:
-            nearest = nearest_first(name, sorted(quantities))[0]
-            problem = f"no such channel; did you mean `{nearest}`?"
-            faults.append(Fault((TWIN, "skew_s", name), problem, FaultCode.UNKNOWN))
     for name, role in roles.items():
         if not role:
             problem = "say which role's quantity this channel measures"

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
 
-from recoil_acquisition.frames.checksum import CHECKSUMS
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.field import Field
+from recoil_acquisition.frames.framing import DeviceTime, Framing, PacketCounter
 from recoil_acquisition.frames.scan import PortStream
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.log.record import Kind
@@ -20,7 +23,6 @@ from recoil_rigs.twin.faults import ClockStep
 from recoil_rigs.twin.timeline import DeviceClock, Timeline
 
 _BASELINE_ENDS_S = 5e-3
-_SIZES = {"u8": 1, "u16": 2, "u24": 3, "u32": 4}
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,96 +46,78 @@ class SerialItem:
 class _Place:
     """A whole number in a frame, which wraps at a modulus."""
 
-    at: int
-    size: int
+    field: Field
     modulo: int
+
+    @property
+    def order(self) -> Literal["big", "little"]:
+        """Order of its bytes."""
+        return "big" if self.field.big_endian else "little"
 
 
 @dataclass(frozen=True)
 class SensorFrame:
-    """Layout of the virtual sensor's frames: the part of the rig's framing that it speaks.
+    """Frames of the virtual sensor: of the rig's framing, with the places of their counter and their clock."""
 
-    Attributes
-    ----------
-    order : {"little", "big"}
-    tick_s
-        Tick of the sensor's clock.
-    check
-        Checksum's name, first byte covered, size and byte order.
-    """
-
-    sync: bytes
-    length: int
-    order: Literal["little", "big"]
-    counter: _Place | None
-    clock: _Place | None
-    tick_s: float
-    check: tuple[str, int, int, Literal["little", "big"]] | None
+    framing: Framing
 
     @classmethod
-    def of(cls, framing: Mapping[str, Any]) -> SensorFrame:
-        """Take the layout from a framing of fixed length that the twin could simulate."""
-        fields = {field["name"]: field for field in framing["fields"]}
+    def of(cls, table: Mapping[str, Any]) -> SensorFrame:
+        """Take the frames from a framing that the twin could simulate."""
+        return cls(framing_from_table(table))
 
-        def place(key: str) -> _Place | None:
-            if key not in framing:
-                return None
-            field = fields[framing[key]["field"]]
-            return _Place(int(field["at"]), _SIZES[field["type"]], int(framing[key]["modulo"]))
+    @cached_property
+    def counter(self) -> _Place | None:
+        """The place of the count; None if frames are not counted."""
+        return self._place(self.framing.counter)
 
-        check = framing.get("checksum")
-        return cls(
-            sync=bytes.fromhex(framing["sync"]),
-            length=int(framing["length"]["fixed"]),
-            order=framing.get("endian", "little"),
-            counter=place("counter"),
-            clock=place("device_time"),
-            tick_s=float(framing.get("device_time", {}).get("tick_s", 1.0)),
-            check=None
-            if check is None
-            else (check["algo"], int(check.get("from", 0)), int(check["size"]), check.get("order", "little")),
-        )
+    @cached_property
+    def clock(self) -> _Place | None:
+        """The place of the sensor's own time; None if frames have none."""
+        return self._place(self.framing.device_time)
+
+    def _place(self, of: PacketCounter | DeviceTime | None) -> _Place | None:
+        return None if of is None else _Place(next(f for f in self.framing.fields if f.name == of.field), of.modulo)
+
+    @property
+    def tick_s(self) -> float:
+        """Tick of the sensor's clock."""
+        return 1.0 if self.framing.device_time is None else self.framing.device_time.tick_s
 
     def is_whole(self, frame: bytes) -> bool:
         """Return whether bytes are a good frame."""
-        if len(frame) != self.length or not frame.startswith(self.sync):
+        if len(frame) != self.framing.length.fixed or not frame.startswith(self.framing.sync):
             return False
-        return self.check is None or self._closed(frame) == frame
+        return self.framing.checksum is None or self.framing.checksum.holds(frame)
 
     def get(self, frame: bytes, place: _Place) -> int:
         """Return a whole number of a frame."""
-        return int.from_bytes(frame[place.at : place.at + place.size], self.order)
+        return int.from_bytes(frame[place.field.at : place.field.at + place.field.size], place.order)
 
     def put(self, frame: bytes, place: _Place | None, value: int) -> bytes:
         """Return a frame with another number in it, its checksum not yet right."""
         if place is None:
             return frame
-        octets = (value % place.modulo).to_bytes(place.size, self.order)
-        return frame[: place.at] + octets + frame[place.at + place.size :]
-
-    def _closed(self, frame: bytes) -> bytes:
-        if self.check is None:
-            return frame
-        name, start, size, order = self.check
-        body = frame[:-size]
-        return body + CHECKSUMS[name].of(body[start:]).to_bytes(size, order)
+        at, size = place.field.at, place.field.size
+        return frame[:at] + (value % place.modulo).to_bytes(size, place.order) + frame[at + size :]
 
     def stamped(self, frame: bytes, count: int, ticks: int) -> bytes:
         """Return a frame with another count and time, and the checksum of that."""
-        return self._closed(self.put(self.put(frame, self.counter, count), self.clock, ticks))
+        return self.framing.closed(self.put(self.put(frame, self.counter, count), self.clock, ticks))
 
     def split(self, stream: bytes) -> list[tuple[int, bytes, bool]]:
         """Cut a stream into good frames and what lies between; each with the byte behind it."""
         pieces: list[tuple[int, bytes, bool]] = []
         done = at = 0
-        while (at := stream.find(self.sync, at)) >= 0:
-            frame = stream[at : at + self.length]
+        length = self.framing.length.of(b"")
+        while (at := stream.find(self.framing.sync, at)) >= 0:
+            frame = stream[at : at + length]
             if not self.is_whole(frame):
                 at += 1
                 continue
             if at > done:
                 pieces.append((at, stream[done:at], False))
-            at = done = at + self.length
+            at = done = at + length
             pieces.append((at, frame, True))
         if done < len(stream):
             pieces.append((len(stream), stream[done:], False))

@@ -2,75 +2,36 @@
 
 from __future__ import annotations
 
-import binascii
-import zlib
-from collections.abc import Callable
-from typing import Annotated, Any, Literal
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from recoil_acquisition.errors import Fault, FaultCode, Row, nearest_first
+from recoil_acquisition.errors import Fault, FaultCode, Row, did_you_mean
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.framing import Framing
 from recoil_rigs.rig import Source
 from recoil_rigs.twin.files import serial_capture
 from recoil_rigs.twin.instruments import generator
 from recoil_rigs.twin.sources import Array, Clock, Scene, SourceFile, clock_truth, file_name, in_unit
 
-
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="allow")
-
-
-class _Field(_Part):
-    name: str
-    at: Annotated[int, Field(ge=0)]
-    type: Literal["u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "f32", "f64"]
-    unit: str = ""
-    scale: Annotated[float, Field(gt=0)] = 1.0
-    offset: float = 0.0
+SPOKEN = ("u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "f32", "f64")
+"""Types of the fields that a virtual sensor sends."""
 
 
-class _Length(_Part):
-    fixed: Annotated[int, Field(ge=4, le=4096)]
-
-
-class _Checksum(_Part):
-    algo: Literal["crc16-ccitt-false", "crc16-xmodem", "crc32", "sum8", "xor8"]
-    start: Annotated[int, Field(ge=0, alias="from")] = 0
-    size: Literal[1, 2, 4]
-    order: Literal["little", "big"] = "little"
-
-
-class _Counter(_Part):
-    field: str
-    modulo: Annotated[int, Field(gt=1)]
-
-
-class _DeviceTime(_Counter):
-    tick_s: Annotated[float, Field(gt=0)]
-
-
-class _Framing(_Part):
-    """The part of a rig's framing table that a virtual serial sensor can speak."""
-
-    kind: Literal["sync"]
-    sync: str
-    length: _Length
-    checksum: _Checksum | None = None
-    endian: Literal["little", "big"] = "little"
-    fields: tuple[_Field, ...]
-    counter: _Counter | None = None
-    device_time: _DeviceTime | None = None
-
-
-_CHECKSUMS: dict[str, Callable[[bytes], int]] = {
-    "crc16-ccitt-false": lambda data: binascii.crc_hqx(data, 0xFFFF),
-    "crc16-xmodem": lambda data: binascii.crc_hqx(data, 0),
-    "crc32": zlib.crc32,
-    "sum8": lambda data: sum(data) & 0xFF,
-    "xor8": lambda data: int(np.bitwise_xor.reduce(np.frombuffer(data, np.uint8))),
-}
+def _unspoken(framing: Framing) -> Iterator[str]:
+    """Name what of a framing a virtual sensor does not send."""
+    if framing.kind != "sync":
+        yield f"frames of kind {framing.kind!r}"
+    if framing.length.fixed is None or len(framing.types) > 1:
+        yield "frames of several lengths or types"
+    if framing.checksum is not None and (framing.checksum.hexadecimal or framing.checksum.mark):
+        yield "a checksum in text"
+    odd = [field for field in framing.fields if field.type not in SPOKEN or field.bits is not None]
+    yield from (f"field {field.name!r}, {'a slice' if field.bits else field.type}" for field in odd)
+    if any(one is not None and one.modulo < 2 for one in (framing.counter, framing.device_time)):
+        yield "a counter or a clock that never wraps"
 
 
 def serial_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile:
@@ -82,11 +43,9 @@ def serial_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
     frame.
     """
     s = scene.settings
-    try:
-        framing = _Framing.model_validate(source.framing)
-        sync = bytes.fromhex(framing.sync)
-    except (ValidationError, ValueError) as error:
-        problem = f"a virtual sensor speaks `sync` frames of fixed length only: {str(error).splitlines()[-1].strip()}"
+    framing = framing_from_table(source.framing or {})
+    if unspoken := ", ".join(_unspoken(framing)):
+        problem = f"a virtual sensor speaks `sync` frames of one fixed length only, no {unspoken}"
         faults.append(Fault((Row("source", source.name), "framing"), problem, FaultCode.VALUE))
         return SourceFile(source.name, "", b"", {})
     clock = scene.clock(source)
@@ -102,8 +61,7 @@ def serial_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
     known = {f.name: f for f in framing.fields}
     for spec in (c for c in scene.rig.channels if c.source == source.name):
         if spec.signal not in known:
-            nearest = nearest_first(spec.signal, list(known))[0]
-            problem = f"the framing has no field {spec.signal!r}; did you mean {nearest!r}?"
+            problem = f"the framing has no field {spec.signal!r}; {did_you_mean(spec.signal, list(known))}"
             faults.append(Fault((Row("channel", spec.name), "signal"), problem, FaultCode.UNKNOWN))
             continue
         columns[spec.signal] = in_unit(scene.samples(spec, at), spec, known[spec.signal].unit)
@@ -116,9 +74,9 @@ def serial_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
         power_up = int(rng.integers(framing.device_time.modulo))
         ticks = np.round(device_times / framing.device_time.tick_s).astype(np.int64)
         columns[framing.device_time.field] = (power_up + ticks) % framing.device_time.modulo
-    frames = _frames(framing, sync, columns, len(at))
+    frames = _frames(framing, columns, len(at))
     damaged = _damage(frames, scene, rng)
-    wire_s = framing.length.fixed * 10 / s.serial_baudrate
+    wire_s = len(frames[0]) * 10 / s.serial_baudrate
     arrivals = clock.from_reference(at) + wire_s + rng.exponential(1.0, len(at)) * s.serial_jitter_s
     records = [(0, frames[0][-7:]), *_reads(frames, np.maximum.accumulate(arrivals), wire_s, rng)]
     host = {"offset_s": clock.offset_s, "drift": clock.drift, "latency_s": wire_s + s.serial_jitter_s}
@@ -131,34 +89,24 @@ def serial_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
     )
 
 
-def _frames(framing: _Framing, sync: bytes, columns: dict[str, NDArray[Any]], count: int) -> list[bytes]:
+def _frames(framing: Framing, columns: dict[str, NDArray[Any]], count: int) -> list[bytes]:
     """Lay fields out into frames and close each with its checksum; fields without values are 0."""
-    table = np.zeros((count, framing.length.fixed), dtype=np.uint8)
-    table[:, : len(sync)] = np.frombuffer(sync, np.uint8)
-    little = framing.endian == "little"
+    table = np.zeros((count, framing.length.fixed or 0), dtype=np.uint8)
+    table[:, : len(framing.sync)] = np.frombuffer(framing.sync, np.uint8)
     for item in framing.fields:
         if item.name not in columns:
             continue
-        kind, size = item.type[0], int(item.type[1:]) // 8
-        raw = (
-            (columns[item.name] - item.offset) / item.scale
-            if (item.scale, item.offset) != (1.0, 0.0)
-            else columns[item.name]
-        )
+        kind, size, raw = item.type[0], item.size, columns[item.name]
+        if (item.scale, item.offset) != (1.0, 0.0):
+            raw = (raw - item.offset) / item.scale
         if kind != "f":
             # counters stay integers; measured values are rounded and kept within the field
             low, high = (0, 2 ** (8 * size) - 1) if kind == "u" else (-(2 ** (8 * size - 1)), 2 ** (8 * size - 1) - 1)
             raw = np.clip(np.round(raw), low, high).astype(np.int64)
         wide = raw.astype("<i8" if kind != "f" else f"<f{size}")
         octets = wide.view(np.uint8).reshape(count, -1)[:, :size]
-        table[:, item.at : item.at + size] = octets if little else octets[:, ::-1]
-    frames = [row.tobytes() for row in table]
-    check = framing.checksum
-    if check is None:
-        return frames
-    algorithm = _CHECKSUMS[check.algo]
-    bodies = [frame[: -check.size] for frame in frames]
-    return [body + algorithm(body[check.start :]).to_bytes(check.size, check.order) for body in bodies]
+        table[:, item.at : item.at + size] = octets[:, ::-1] if item.big_endian else octets
+    return [framing.closed(row.tobytes()) for row in table]
 
 
 def _damage(frames: list[bytes], scene: Scene, rng: np.random.Generator) -> list[int]:

@@ -15,7 +15,8 @@ from recoil_acquisition.errors import Fault, FaultCode, Row
 from recoil_acquisition.quantity import SI_UNITS, Unit, find_unit
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import ChannelSpec, Rig, Source
-from recoil_rigs.shots.assemble import range_si, si_line
+from recoil_rigs.shots.assemble import si_line
+from recoil_rigs.tables.channel_table import range_si
 from recoil_rigs.tables.rig_tables import FORCE_SENSOR_ROLES, GAUGE_ROLES, SHOT_PLACE
 from recoil_rigs.twin.campaign import PlannedShot
 from recoil_rigs.twin.files import dewesoft_text, track_text

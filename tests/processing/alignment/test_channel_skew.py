@@ -107,7 +107,7 @@ def test_what_has_no_skew_says_so(first, second, sentence):
 
 def test_a_callers_mistakes_are_refused():
     first = acceleration(TIMES_S)
-    with pytest.raises(ValueError, match="equal length"):
+    with pytest.raises(ValueError, match="equally many"):
         measure_skew(first, first[1:], RATE_HZ, 300.0)
     with pytest.raises(ValueError, match="a quarter of rate_hz"):
         measure_skew(first, first, RATE_HZ, 6000.0)

@@ -106,7 +106,7 @@ def test_nothing_declared_is_no_delay():
         (lambda: filter_delay(100.0, "bessel", 26), "order must be a whole number"),
         (lambda: filter_delay(100.0, "chebyshev"), "kind must be"),  # type: ignore[arg-type]  # a caller's mistake
         (lambda: mount_delay(0.0, 0.1), "resonance_hz must be positive"),
-        (lambda: mount_delay(900.0, -0.1), "damping not negative"),
+        (lambda: mount_delay(900.0, -0.1), "damping must not be negative"),
         (lambda: exposure_delay(-1e-6), "exposure_s must not be negative"),
         (lambda: exposure_delay(1e-4, "late"), "stamp must be"),  # type: ignore[arg-type]  # a caller's mistake
     ],

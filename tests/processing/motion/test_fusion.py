@@ -239,12 +239,12 @@ def test_a_motion_that_is_a_parabola_is_told_in_a_sentence():
         ({"step_s": 0.0}, "step_s must be positive"),
         ({"acceleration_m_s2": np.array([1.0, np.nan])}, "must be finite"),
         ({"acceleration_m_s2": np.array([1.0])}, "two samples"),
-        ({"bridged": np.zeros(3, dtype=bool)}, "a flag for each"),
+        ({"bridged": np.zeros(3, dtype=bool)}, "bridged must be equally many"),
         ({"marker_sigma_m": 0.0}, "marker_sigma_m must be positive"),
         ({"acceleration_density": -1.0}, "acceleration_density must be positive"),
         ({"acceleration_density": []}, "noise density"),
-        ({"u_offset_s": -1.0}, "u_offset_s must be zero or positive"),
-        ({"u_drift": np.nan}, "u_drift must be zero or positive"),
+        ({"u_offset_s": -1.0}, "u_offset_s must not be negative"),
+        ({"u_drift": np.nan}, "u_drift must not be negative"),
     ],
 )
 def test_a_callers_mistake_is_refused(changes, message):

@@ -109,8 +109,8 @@ def test_a_long_record_before_the_first_frame_leaves_variances_positive():
         ([0.0, 0.0], [True, True], 1.0, [1.0], "increase strictly"),
         ([0.0, 1.0], [True, True], 0.0, [1.0], "marker_variance must be positive"),
         ([0.0, 1.0], [True, True], np.nan, [1.0], "marker_variance must be positive"),
-        ([0.0, 1.0], [True, True], 1.0, [0.0], "densities must be positive"),
-        ([0.0, 1.0], [True, True], 1.0, [np.inf], "densities must be positive"),
+        ([0.0, 1.0], [True, True], 1.0, [0.0], "least_density must be positive"),
+        ([0.0, 1.0], [True, True], 1.0, [np.inf], "density must be positive"),
     ],
 )
 def test_what_cannot_be_smoothed_is_refused(times, seen, variance, densities, message):

@@ -103,7 +103,7 @@ def test_nothing_unknown_is_nothing_to_do_and_too_little_known_is_said():
 def test_faults_of_the_caller_are_refused():
     with pytest.raises(ValueError, match="known samples must be finite"):
         interpolate_unknown(np.where(unknown((5, 6)), np.nan, waves()), unknown())
-    with pytest.raises(ValueError, match="must be alike"):
+    with pytest.raises(ValueError, match="unknown must be equally many"):
         interpolate_unknown(waves(), unknown()[1:])
     with pytest.raises(ValueError, match="most_order must be at least 1"):
         interpolate_unknown(waves(), unknown(), most_order=0)

@@ -97,7 +97,7 @@ def test_stamps_and_samples_must_fit():
         find_drop_outs(np.zeros(5), np.arange(4.0))
     with pytest.raises(ValueError, match="stamps must increase strictly"):
         find_drop_outs(np.zeros(5), np.zeros(5))
-    with pytest.raises(ValueError, match="spared alike"):
+    with pytest.raises(ValueError, match="spared must be equally many"):
         find_drop_outs(np.zeros(5), spared=np.zeros(4, dtype=bool))
 
 

@@ -166,7 +166,7 @@ def test_units_and_sign_do_not_matter(exponent, sign):
 
 def test_faults_of_the_caller_are_refused():
     samples, _, in_baseline = record(7)
-    with pytest.raises(ValueError, match="samples and in_baseline must be alike"):
+    with pytest.raises(ValueError, match="samples and in_baseline must be equally many"):
         subtract_hum(samples, RATE_HZ, in_baseline[1:])
-    with pytest.raises(ValueError, match="rate and mains must be positive"):
+    with pytest.raises(ValueError, match="mains_hz must be positive"):
         subtract_hum(samples, RATE_HZ, in_baseline, mains_hz=(0.0,))

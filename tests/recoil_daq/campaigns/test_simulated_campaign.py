@@ -111,6 +111,7 @@ def test_a_fired_campaign_is_ingested_with_its_log_beside_the_shot_files() -> No
         (("--drift", "p_brake=nan"), "--drift: must be a finite number"),
         (("--drift", "p_brake=0.1", "--drift", "p_brake=0.2"), "--drift is given twice for p_brake"),
         (("--outlier", "p_brake=0.1"), "--outlier takes CHANNEL=REL@SHOT, not 'p_brake=0.1'"),
+        (("--outlier", "p_brake=0.1@0"), "--outlier: must be greater than or equal to 1"),
         (("--outlier", "p_brake@2"), "--outlier takes CHANNEL=REL@SHOT, not 'p_brake@2'"),
         (("--outlier", "a=0.1@2", "--outlier", "a=0.1@2"), "--outlier is given twice for a at shot 2"),
     ],

@@ -86,7 +86,7 @@ def test_answers_by_which_a_file_is_not_read_are_kept_and_said(run, monkeypatch:
     Path("notes.txt").write_text("no database\n", encoding="utf-8")
     answers = iter(["notes.txt", "782 kg", "."])
     monkeypatch.setattr("recoil_daq.terminal.session.Session.asks", True)
-    monkeypatch.setattr("recoil_daq.terminal.init.typer.prompt", lambda *_, **__: next(answers))
+    monkeypatch.setattr("recoil_daq.drafting.asking.typer.prompt", lambda *_, **__: next(answers))
     done = run("init", "Messung_0001.csv", "Bus1_0001.log", "--sensors", "sensoren.csv")
     assert done.exit_code == 1
     last = " ".join(done.stdout.split("lacks: ")[-1].split())
@@ -186,8 +186,8 @@ def test_a_terminal_is_asked_first_for_what_opens_files_and_then_for_what_they_t
         asked.extend(re.findall(r"^\[\d+ of \d+\] (.*?): ", str(text)))
 
     monkeypatch.setattr("recoil_daq.terminal.session.Session.asks", True)
-    monkeypatch.setattr("recoil_daq.terminal.init.typer.prompt", typed)
-    monkeypatch.setattr("recoil_daq.terminal.init.typer.echo", echo)
+    monkeypatch.setattr("recoil_daq.drafting.asking.typer.prompt", typed)
+    monkeypatch.setattr("recoil_daq.drafting.asking.typer.echo", echo)
     done = run("init", *RECORDED, "--database", "bus1.dbc", "--database", "bus2.dbc", "--sensors", "sensoren.csv")
     assert done.exit_code == 0, done.output
     assert asked[:3] == [*list(answers)[:2], "source[3] 'serial'.framing.device_time"]

@@ -13,7 +13,8 @@ from recoil_acquisition.quantity import UNITS
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from recoil_rigs.rig import ChannelSpec, Rig, Sensor, parse_rig
-from recoil_rigs.shots.assemble import assemble_channels, match_files, range_si, sensor_factor
+from recoil_rigs.shots.assemble import assemble_channels, match_files, sensor_factor
+from recoil_rigs.tables.channel_table import range_si
 from tests.builders.bench_shots import ArrayRecording
 
 HEAD = """

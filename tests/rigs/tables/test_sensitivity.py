@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import RigError
 from recoil_rigs.rig import Rig
-from recoil_rigs.shots.assemble import range_si
+from recoil_rigs.tables.channel_table import range_si
 from recoil_rigs.tables.sensitivity import sensitivity_from_text
 from tests.rigs.shots.test_assemble import read, rig_of
 

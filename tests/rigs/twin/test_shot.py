@@ -424,7 +424,7 @@ def test_faults_of_the_twin_table_are_reported_with_their_keys(tmp_path: Path, t
         ('signal = "gyro_tipping"', 'signal = "gyro_tiping"', "did you mean 'gyro_tipping'"),
         ('signal = "Feature #1 - X"', 'signal = "Feature 1"', "should end in ' - X'"),
         ("m1 = 1450.0", "", "mechanism.m1: is missing"),
-        ('algo = "crc16-ccitt-false"', 'algo = "fletcher16"', "source 'imu'.framing"),
+        ("modulo = 4294967296", "", "source 'imu'.framing: a virtual sensor speaks"),
         ("frame_rate = 6000.0", "", "source 'camera'.frame_rate: is missing"),
         ('match = "*_camera.csv"', 'match = "*.csv"', "would also match"),
     ],

@@ -15,8 +15,8 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -120,7 +120,7 @@ class NotCompared:
 
     def to_json(self) -> dict[str, Any]:
         """Return it in JSON types."""
-        return {"file": self.file, "why": self.why, "stated": self.stated}
+        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -141,11 +141,21 @@ class Comparison:
         Files that were not compared.
     """
 
-    numbers: int
-    differences: tuple[Difference, ...]
-    largest: float
+    numbers: int = 0
+    differences: tuple[Difference, ...] = ()
+    largest: float = 0.0
     drawings: tuple[str, ...] = ()
     not_compared: tuple[NotCompared, ...] = ()
+
+    @classmethod
+    def of(cls, found: Iterable[Difference | NotCompared | str]) -> Comparison:
+        """Return the outcome for files: each differs, was not compared, or by its name holds what it should."""
+        every = list(found)
+        return cls(
+            differences=tuple(one for one in every if isinstance(one, Difference)),
+            drawings=tuple(one for one in every if isinstance(one, str)),
+            not_compared=tuple(one for one in every if isinstance(one, NotCompared)),
+        )
 
     @property
     def again(self) -> bool:
@@ -262,9 +272,9 @@ def compare_tables(name: str, stored: str, again: str, *, exact: bool) -> Compar
     columns = theirs[0]
     numbers = sum(bool(cell) for row in theirs[1:] for cell in row)
     if stored == again:
-        return Comparison(numbers, (), 0.0)
+        return Comparison(numbers)
     if ours[:1] != theirs[:1] or len(ours) != len(theirs):
-        return Comparison(numbers, (Difference(name, f"{len(ours)} lines", f"{len(theirs)} lines"),), 0.0)
+        return Comparison(numbers, (Difference(name, f"{len(ours)} lines", f"{len(theirs)} lines"),))
     found, largest = [], 0.0
     scales = [_largest_cell(column) for column in zip(*theirs[1:], strict=True)]
     for row, (cells, others) in enumerate(zip(ours, theirs, strict=True)):

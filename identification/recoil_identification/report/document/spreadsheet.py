@@ -9,7 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.errors import ErrorCode, StoreError, visible
+from recoil_acquisition.errors import StoreError, visible
 from recoil_acquisition.extras import XLSX
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def write_workbook(path: Path, sheets: Mapping[str, pd.DataFrame], *, overwrite:
     import pandas as pd
 
     if path.exists() and not overwrite:
-        raise StoreError("the file exists already", code=ErrorCode.EXISTS, path=path, remedy="overwrite=True")
+        raise StoreError.exists(path, "overwrite=True", "the file")
     refuse_without_workbooks()
     import_module(XLSX.module)
     try:

@@ -24,8 +24,8 @@ from recoil_processing.shot.gauge_zero import moving_zero_pa
 from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_rigs.rig import Rig
-from recoil_rigs.shots.assemble import range_si
 from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.channel_table import range_si
 
 BLOCK_S = 1e-3
 """Length of the means that the laws are fitted to: stress waves of a kilohertz and noise are averaged over."""

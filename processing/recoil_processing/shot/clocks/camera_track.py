@@ -11,6 +11,7 @@ from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.velocity_walk import WalkFilter
+from recoil_processing.arguments import require_alike, require_increasing
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.noise import noise_sigma
 from recoil_processing.outliers import contradicting
@@ -60,12 +61,8 @@ class CameraTrack(ReadOnlyArrays):
         IdentificationError
             If too few frames saw the motion.
         """
-        if frame_times_s.ndim != 1 or frame_times_s.shape != displacement_m.shape:
-            raise ValueError(
-                f"frames and displacements must be equally many, not {frame_times_s.shape}, {displacement_m.shape}"
-            )
-        if not np.all(np.diff(frame_times_s) > 0):
-            raise ValueError("frame_times_s must increase strictly")
+        require_alike(frame_times_s=frame_times_s, displacement_m=displacement_m)
+        require_increasing(frame_times_s=frame_times_s)
         seen = np.isfinite(displacement_m) & rough.covers(frame_times_s) & (frame_times_s <= end_s)
         t, x = frame_times_s[seen], displacement_m[seen]
         if np.count_nonzero(t >= release_s) < LEAST_FRAMES:

@@ -26,6 +26,7 @@ import numpy as np
 from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.arguments import require_finite, require_not_negative, require_positive
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.clocks.camera_track import CameraTrack
@@ -143,12 +144,9 @@ def double_impulse_mass(
         raise ValueError(
             f"two samples of the force and as many of the other are needed, not {force_n.shape}, {other.shape}"
         )
-    if not (np.all(np.isfinite(force_n)) and np.all(np.isfinite(other))):
-        raise ValueError("force and acceleration must be finite; bridge lost samples first")
-    if not all(u >= 0 for u in (u_shift_s, u_velocity_m_s, force_sigma_n)):
-        raise ValueError("uncertainties must be zero or positive")
-    if not (math.isfinite(rough_mass_kg) and rough_mass_kg > 0):
-        raise ValueError(f"rough_mass_kg must be positive, not {rough_mass_kg}")
+    require_finite(force_n=force_n, other_m_s2=other)
+    require_not_negative(u_shift_s=u_shift_s, u_velocity_m_s=u_velocity_m_s, force_sigma_n=force_sigma_n)
+    require_positive(rough_mass_kg=rough_mass_kg)
     impulse = DoubleIntegral.of(force_n, start_s, step_s)
     given = DoubleIntegral.of(other, start_s, step_s)
     rough = DoubleIntegral.of(force_n / rough_mass_kg + other, start_s, step_s)

@@ -7,14 +7,12 @@ what brings both in line.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from recoil_acquisition.arrays import Array
-from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import integrate
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass, double_impulse_mass
@@ -25,7 +23,7 @@ from recoil_processing.shot.kinematics import (
     relative_to_tipping_part,
     seen_by_camera,
 )
-from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression, missing_forces
 from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import Rig
@@ -234,12 +232,3 @@ def require_forces(signals: Signals) -> None:
     ]
     if missing:
         raise missing_forces(missing)
-
-
-def missing_forces(roles: Sequence[str]) -> IdentificationError:
-    """Return what a shot without some of its forces is refused with."""
-    return IdentificationError(
-        f"no usable channel of role {', '.join(roles)}: without all forces a motion identifies no mass",
-        expected="breech, brake and recuperator pressure, on clocks that could be aligned",
-        remedy="declare the roles in the rig file, or mend the alignment",
-    )

@@ -41,8 +41,9 @@ from recoil_processing.shot.regression import MASS_ROLES, PRESSURE_ROLES
 from recoil_processing.shot.signals import BASELINE_MARGIN_S
 from recoil_processing.shot.verdict.motion_quality import CUTOFF_HZ, SLOWEST_SHARE
 from recoil_processing.spectra.spectral_gap import SpectralGap, find_gap
-from recoil_rigs.rig import ChannelSpec, ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
-from recoil_rigs.shots.assemble import range_si, shown_unit
+from recoil_rigs.rig import ChannelSpec, Rig, Source
+from recoil_rigs.shots.assemble import shown_unit
+from recoil_rigs.tables.channel_table import range_si
 from recoil_rigs.tables.rig_tables import FORCE_ROLES
 
 LEAST_SAMPLES = 8
@@ -225,7 +226,7 @@ def _levels(
     u_moving = moving_zero_pa(spec, samples) / own.factor if role in PRESSURE_ROLES else 0.0
     if (own.factor, own.offset) != (1.0, 0.0):
         # of what is shown only differences and levels count, so that one unit is as good as another
-        samples, static = _shown(samples, own), None if static is None else (static - own.offset) / own.factor
+        samples, static = _shown(samples, own), None if static is None else own.from_si(static)
     yield Check.BASELINE, check_baseline(samples, in_baseline, static, unit=unit)
     yield Check.STEADY_BASELINE, check_steady_baseline(samples, in_baseline, unit=unit)
     since_s = onset_s + EMPTY_BORE_S if role == "breech_pressure" else rest_s
@@ -318,17 +319,11 @@ def _pulse_s(record: _Record) -> float | None:
     return duration_s if duration_s > 0 else None
 
 
+def aligned_by(source: Source) -> set[str]:
+    """Return the names of the channels that the clock of a source is aligned by."""
+    return {name for key in ("channel", "against") if (name := getattr(source.align, key, None)) is not None}
+
+
 def aligning_channels(rig: Rig) -> set[str]:
     """Return the names of the channels that clocks are aligned by."""
-    names: set[str] = set()
-    for source in rig.sources:
-        align = source.align
-        if isinstance(align, RedundantAlignment | TriggerAlignment | ExposureAlignment):
-            names.add(align.channel)
-        if isinstance(align, MotionAlignment) and align.channel is not None:
-            names.add(align.channel)
-        if isinstance(align, RedundantAlignment | MotionAlignment):
-            names.add(align.against)
-        if isinstance(align, ExposureAlignment) and align.against is not None:
-            names.add(align.against)
-    return names
+    return {name for source in rig.sources for name in aligned_by(source)}

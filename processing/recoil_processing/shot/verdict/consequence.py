@@ -37,9 +37,9 @@ from recoil_processing.shot.kinematics import (
 from recoil_processing.shot.motion_role import motion_role
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import Signals
-from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES
+from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, aligned_by
 from recoil_processing.shot.verdict.motion_quality import Recoil
-from recoil_rigs.rig import ChannelSpec, ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
+from recoil_rigs.rig import ChannelSpec, Rig
 from recoil_rigs.shots.assumptions import CARRIAGE_ROLES
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
@@ -188,7 +188,7 @@ def needs(fired: FiredShot, absent: Sequence[ChannelSpec]) -> bool:
         return True
     names = {spec.name for spec in absent}
     clocks = {channel.time_base.clock for channel in fired.shot.channels.values() if channel.role}
-    return any(source.name in clocks and names & _aligned_by(source.align) for source in fired.rig.sources)
+    return any(source.name in clocks and names & aligned_by(source) for source in fired.rig.sources)
 
 
 def set_aside(shot: Shot) -> tuple[QualityCheck, ...]:
@@ -260,21 +260,11 @@ def _concerned(check: QualityCheck, fired: FiredShot) -> frozenset[str] | None:
     roles = {spec.role for spec in named if spec.role}
     # what does nothing but align a clock is behind every channel on that
     by_it = {spec.name for spec in named if not spec.role}
-    aligned = [source.name for source in fired.rig.sources if by_it & _aligned_by(source.align)]
+    aligned = [source.name for source in fired.rig.sources if by_it & aligned_by(source)]
     roles |= {spec.role for source in aligned for spec in fired.rig.channels_of(source) if spec.role}
     if roles and check.check not in NOISY | LOSSY:
         return None
     return frozenset(roles) if roles <= set(CARRIAGE_ROLES) else None
-
-
-def _aligned_by(align: object) -> set[str]:
-    """Return the names of the channels that a source is aligned by."""
-    names: set[str | None] = set()
-    if isinstance(align, RedundantAlignment | TriggerAlignment | ExposureAlignment | MotionAlignment):
-        names.add(align.channel)
-    if isinstance(align, RedundantAlignment | ExposureAlignment | MotionAlignment):
-        names.add(align.against)
-    return {name for name in names if name is not None}
 
 
 def _silent(recoil: Recoil, rig: Rig, roles: Collection[str]) -> list[tuple[Signals, AngularMotion]]:

@@ -13,8 +13,9 @@ from recoil_acquisition.quality_check import Check, QualityCheck
 from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.quality.limits import LIMITS
 from recoil_rigs.rig import RedundantAlignment
-from recoil_rigs.shots.assemble import range_si, shown_unit
+from recoil_rigs.shots.assemble import shown_unit
 from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.channel_table import range_si
 
 LEAST_USED, MOST_USED = 0.02, 1.1
 """Shares of a sensor's range between which lies the peak of a shot that was measured with the right one."""
@@ -46,7 +47,7 @@ def _exchanged(fired: FiredShot) -> Iterator[QualityCheck]:
         present = fired_channel.recorded.measured[np.isfinite(fired_channel.recorded.measured)]
         if limits is None or not present.size or fired_channel.source.kind == "camera":
             continue
-        reach, peak = (max(abs((end - unit.offset) / unit.factor) for end in ends) for ends in (limits, _ends(present)))
+        reach, peak = (max(abs(unit.from_si(end)) for end in ends) for ends in (limits, _ends(present)))
         if peak > 0 and math.isfinite(peak) and reach > 0:
             used[name] = reach, peak
 

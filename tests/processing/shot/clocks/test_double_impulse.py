@@ -112,7 +112,7 @@ def test_arguments_that_are_none_are_refused():
         estimated(frames_s=FRAMES_S[::-1])
     with pytest.raises(ValueError, match="finite"):
         estimated(force=FORCE * np.nan)
-    with pytest.raises(ValueError, match="uncertainties"):
+    with pytest.raises(ValueError, match="u_shift_s must not be negative"):
         estimated(u_shift_s=-1.0)
     with pytest.raises(ValueError, match="rough_mass_kg"):
         estimated(rough_mass_kg=0.0)

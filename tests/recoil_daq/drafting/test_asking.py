@@ -11,8 +11,8 @@ import typer
 
 from recoil_acquisition.errors import KeyPath
 from recoil_daq.drafting.answer import Answer
+from recoil_daq.drafting.asking import ask
 from recoil_daq.drafting.rig_draft import OpenEntry
-from recoil_daq.terminal.init import ask
 from recoil_daq.terminal.session import Session
 
 
