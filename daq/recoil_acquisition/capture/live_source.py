@@ -126,19 +126,15 @@ class LiveSignals(Protocol):
 
     def feed(self, block: Block) -> list[LiveSamples]:
         """Take the next block; return the samples that it completes."""
-        ...
 
     def skip(self) -> None:
         """Note that data is missing before the next block."""
-        ...
 
     def stamped_by(self, blocks: Sequence[Block]) -> str:
         """Return which clock stamped the samples of some blocks: that of the ``host`` when it read them, or another."""
-        ...
 
     def unheard(self, channel: LiveChannel, counters: Counters) -> str:
         """Say why nothing of a channel may have come, and what to do."""
-        ...
 
 
 def signals_of(source: LiveSource, channels: Sequence[LiveChannel]) -> LiveSignals:

@@ -63,6 +63,13 @@ class AbsoluteStart:
             return None
         return cls(instant.isoformat(timespec="microseconds"), zone, origin)
 
+    @classmethod
+    def at(cls, instant: dt.datetime, origin: str, timespec: str = "auto") -> AbsoluteStart:
+        """Return the start at an instant, with its zone if it has one; ``timespec`` as of ``isoformat``."""
+        offset = instant.utcoffset()
+        zone = "unknown" if offset is None else str(dt.timezone(offset)).removeprefix("UTC") or "UTC"
+        return cls(instant.replace(tzinfo=None).isoformat(timespec=timespec), zone, origin)
+
     @property
     def is_doubtful(self) -> bool:
         """Whether no instrument can have started then: a clock that was never set, or a field that was never filled.

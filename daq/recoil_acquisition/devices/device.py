@@ -242,7 +242,6 @@ class TellingDevice(Protocol):
     @property
     def units(self) -> Mapping[str, str]:
         """Unit of each of its signals, as it spells it, by their names, once it is open."""
-        ...
 
 
 class Device(Protocol):
@@ -251,22 +250,18 @@ class Device(Protocol):
     @property
     def name(self) -> str:
         """Name of the source."""
-        ...
 
     @property
     def kind(self) -> str:
         """Kind of its data blocks: `CAN`, `SERIAL` or `STREAM`."""
-        ...
 
     @property
     def counters(self) -> Counters:
         """Counts of what it received and lost so far."""
-        ...
 
     @property
     def bytes_per_s(self) -> float:
         """Most bytes per second that its blocks hold, once it is open: space for them is reserved."""
-        ...
 
     def open(self) -> None:
         """Open it.
@@ -278,7 +273,6 @@ class Device(Protocol):
         ValueError
             If it is open already.
         """
-        ...
 
     def read(self, timeout_s: float) -> Block | None:
         """Return the next block, or None if nothing came in time.
@@ -286,8 +280,6 @@ class Device(Protocol):
         A device that is lost while it is read says so by an event, and is opened again by later reads
         with growing pauses; read does not raise for it. ValueError if it was never opened.
         """
-        ...
 
     def close(self) -> tuple[Block, ...]:
         """Read what still waits, close, and return it; further calls return nothing."""
-        ...

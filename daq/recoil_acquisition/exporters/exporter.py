@@ -61,34 +61,27 @@ class Exporter(Protocol):
     @property
     def name(self) -> str:
         """Name of the format on the command line."""
-        ...
 
     @property
     def suffix(self) -> str:
         """Ending of its files."""
-        ...
 
     @property
     def extra(self) -> str:
         """Name of the extra that it needs; empty if none."""
-        ...
 
     @property
     def single_file(self) -> bool:
         """Whether one file takes all time bases; else each has its own."""
-        ...
 
     def carried(self, content: Content) -> Representation:
         """Say what the format carries of the content."""
-        ...
 
     def write(self, content: Content, path: Path) -> None:
         """Write a new file. Exceptions of libraries are mapped by the caller."""
-        ...
 
     def read_back(self, content: Content, path: Path) -> tuple[ExportedTable, ...]:
         """Read from the file what `carried` says must be in it."""
-        ...
 
 
 def exact_table(

@@ -18,7 +18,6 @@ import secrets
 import sys
 import time
 from pathlib import Path
-from types import TracebackType
 from typing import NamedTuple
 
 from recoil_acquisition.errors import visible
@@ -82,9 +81,7 @@ class FileLock:
     def __enter__(self) -> FileLock:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._lock.release()
         os.close(self._descriptor)
 

@@ -66,21 +66,17 @@ class Reader(Protocol):
     @property
     def name(self) -> str:
         """Name of the format, as users know it."""
-        ...
 
     @property
     def kind(self) -> str:
         """Kind of source that writes it: ``dewetron``, ``can``, ``serial`` or ``camera``; ``live``: several of them."""
-        ...
 
     @property
     def suffixes(self) -> tuple[str, ...]:
         """Usual endings of its files: a hint for people, never used to recognise a file."""
-        ...
 
     def claims(self, head: Head) -> Claim:
         """Say from the beginning of a file how sure it is that the file is of this format."""
-        ...
 
     def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a file.
@@ -90,4 +86,3 @@ class Reader(Protocol):
         ReadError
             If the file is not what it seems, with the line or byte.
         """
-        ...

@@ -165,6 +165,4 @@ def _since(unit: str) -> tuple[str, AbsoluteStart | None]:
         start = dt.datetime.fromisoformat(since.strip())
     except ValueError:
         return unit, None
-    offset = start.utcoffset()
-    zone = "unknown" if offset is None else "UTC" if not offset else start.isoformat()[-6:]
-    return spelled.strip(), AbsoluteStart(start.replace(tzinfo=None).isoformat(), zone, UNIT_OF_TIMES)
+    return spelled.strip(), AbsoluteStart.at(start, UNIT_OF_TIMES)

@@ -132,10 +132,7 @@ def _starts(
     offsets = [None if s is None else (s[1] - earliest).total_seconds() for s in starts]
     if any(offsets):
         notes.append(note_on_starts())
-    offset = earliest.utcoffset()
-    zone = "unknown" if offset is None else ("UTC" if not offset else earliest.isoformat()[-6:])
-    text = earliest.replace(tzinfo=None).isoformat()
-    return AbsoluteStart(text, zone, name if name == UNIT_OF_TIMES else f"attribute {name}"), offsets
+    return AbsoluteStart.at(earliest, name if name == UNIT_OF_TIMES else f"attribute {name}"), offsets
 
 
 def _channel(

@@ -280,7 +280,5 @@ def read_start(properties: dict[str, str]) -> AbsoluteStart | None:
     if not text:
         return None
     start = dt.datetime.fromisoformat(text)
-    offset = start.utcoffset()
-    zone = "unknown" if offset is None else "UTC" if not offset else str(start.tzinfo).removeprefix("UTC")
     resolution = "microseconds" if start.microsecond % 1000 else "milliseconds"
-    return AbsoluteStart(start.replace(tzinfo=None).isoformat(timespec=resolution), zone, "AcquisitionStartTime")
+    return AbsoluteStart.at(start, "AcquisitionStartTime", resolution)

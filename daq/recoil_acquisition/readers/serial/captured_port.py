@@ -26,7 +26,7 @@ from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.field import Field
 from recoil_acquisition.frames.frame_set import FrameSet
 from recoil_acquisition.frames.framing import Framing, PacketCounter
-from recoil_acquisition.frames.ready_made_inertial import xsens_precision
+from recoil_acquisition.frames.ready_made import xsens_precision
 from recoil_acquisition.frames.scan import PortStream, find_frames_of_port
 from recoil_acquisition.frames.values import FieldSeries, decode_fields, unwrap
 from recoil_acquisition.log.record import Kind
