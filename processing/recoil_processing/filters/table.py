@@ -57,8 +57,7 @@ def filter_of(name: str) -> LowPassFilter:
         raise ValueError(f"filter must be one of {', '.join(filter_names())}, not {name!r}")
     found = OthersFilter(name, named(GROUP, name))
     with found.at_work():
-        if not isinstance(found.own, LowPassFilter):
-            lacking = [name for name in _MEMBERS if not hasattr(found.own, name)]
+        if lacking := [name for name in _MEMBERS if not hasattr(found.own, name)]:
             raise TypeError(f"{type(found.own).__name__} has no {', '.join(lacking)}: see LowPassFilter")
         require_low_pass(found)
     return found
