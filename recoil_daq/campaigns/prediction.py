@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import Fault, FaultCode, IdentificationError, ReadError, RigError
+from recoil_acquisition.files.temporary_folder import temporary_folder
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.remark import findings_of
 from recoil_acquisition.shot import InputFile
@@ -274,7 +274,7 @@ def _fired(rig: Rig, charge: float, options: Options) -> Identification:
     changed = settings.undrawn() | settings.with_charge(charge) | {"readings": usual_noise(settings)}
     whole = replace(rig, twin={key: value for key, value in rig.twin.items() if key != "m3_true"} | changed)
     virtual = replace(whole, twin={**whole.twin, "duration_s": settings.telling_s})
-    with tempfile.TemporaryDirectory(prefix="recoil-daq-") as folder:
+    with temporary_folder() as folder:
         files = Path(folder) / "files"
         try:
             fired = simulate_shot(virtual, files, seed=1, shot=NOMINAL)

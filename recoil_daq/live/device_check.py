@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
@@ -18,6 +17,7 @@ from recoil_acquisition.devices.device import EVENT, Block, Counters
 from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.devices.tick_clock import START_S
 from recoil_acquisition.errors import DeviceError, RecoilDaqError
+from recoil_acquisition.files.temporary_folder import temporary_folder
 from recoil_acquisition.quality_check import Verdict
 from recoil_daq.live.sensor_range import allowed
 from recoil_daq.live.shot import losses_of, lost_anything
@@ -110,7 +110,7 @@ def check_devices(
     """
     if not is_virtual_rig(rig):
         return _listen(rig, None, listen_s, progress)
-    with tempfile.TemporaryDirectory(prefix="recoil-daq-") as folder:
+    with temporary_folder() as folder:
         shot = simulate_shot(rig, Path(folder) / "0001", seed=1, shot="0001")
         with TwinPlayer(rig, [shot], silence_before_s=listen_s + SETTLE_S + 5.0) as player:
             return _listen(rig, player.devices, listen_s, progress, player.start)

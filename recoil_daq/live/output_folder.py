@@ -8,6 +8,8 @@ from pathlib import Path
 
 from recoil_acquisition.errors import StoreError, quoted
 from recoil_acquisition.files.file_lock import LockTakenError
+from recoil_acquisition.files.new_file import remove_left_partials
+from recoil_acquisition.files.temporary_folder import LEFT_AFTER_S
 from recoil_acquisition.log.segment import LOCK_NAME, FolderLock
 
 
@@ -45,6 +47,8 @@ class OutputFolder:
         except OSError as error:
             raise StoreError(f"cannot be written: {error.strerror or error}", path=path, expected="a folder") from error
         self._is = os.fstat(self._descriptor)
+        for folder in (path, path / "captures"):  # of processes that were killed
+            remove_left_partials(folder, idle_s=LEFT_AFTER_S)
 
     def __enter__(self) -> OutputFolder:
         return self

@@ -24,7 +24,7 @@ NOTICES_OF_FILE = 10
 OLD_S = 1.0
 """Silence of a live source, s, from which on something is wrong with it."""
 
-SourceState = Literal["live", "silent", "lost", "stopped", "for files"]
+SourceState = Literal["live", "silent", "lost", "stopped", "for files", "not open"]
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,8 @@ class RangeSource:
     ----------
     state
         State: ``live``; ``silent`` for longer than `OLD_S`; ``lost``, opened again as soon as its device is back;
-        ``stopped`` by an error, or since the session ends; ``for files``, which come into the watched folder.
+        ``stopped`` by an error, or since the session ends; ``for files``, which come into the watched folder;
+        ``not open``, left out of the session, or away though it may be.
     live
         Status of its device; None of a source that is not read live.
     last_file

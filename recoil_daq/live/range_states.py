@@ -11,7 +11,7 @@ from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.clocks.host_clock import Anchor, anchor
 from recoil_daq.live.device_losses import DeviceLosses
 from recoil_daq.live.display import Display
-from recoil_daq.live.range_state import OLD_S, RangeShot, RangeSource, RangeState, is_old, source_state
+from recoil_daq.live.range_state import OLD_S, RangeShot, RangeSource, RangeState, SourceState, is_old, source_state
 from recoil_daq.live.rest_watch import RestWatch
 from recoil_daq.live.shot import LiveOptions, LiveShot
 from recoil_daq.live.shots.dropped_files import DroppedFiles
@@ -137,7 +137,7 @@ class RangeStates:
         """Return how a source is, and since when and for how long yet its files are waited for."""
         live = next((one for one in status.sources if one.name == source.name), None)
         ended, lost = status.state == "stopped", source.name in self._losses.lost
-        absent = "not open" if source.device is not None else "for files"
+        absent: SourceState = "for files" if source.device is None else "not open"
         state = absent if live is None else source_state(live, lost=lost, ended=ended)
         wait = [s for s in self._shots if source.name in s.awaited and not s.settled]
         waited_s = max((now_s - s.complete_s for s in wait if s.captured is not None), default=None)

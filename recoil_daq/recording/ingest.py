@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from unicodedata import normalize
 
 import numpy as np
 
@@ -306,7 +307,8 @@ def _own_name(rig: Rig, files: Mapping[str, Path]) -> str:
     shared = frozenset.intersection(
         *(numbers_of(path, shot_place(rig.source(source))) for source, path in files.items())
     )
-    return f"{min(shared):04d}" if len(shared) == 1 else files[rig.reference_clock].stem
+    # macOS spells a file's name with signs on their own over letters, which no shot's name has
+    return f"{min(shared):04d}" if len(shared) == 1 else normalize("NFC", files[rig.reference_clock].stem)
 
 
 def shot_place(source: Source) -> re.Pattern[str] | None:

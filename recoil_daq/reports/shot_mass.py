@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import RecoilDaqError
+from recoil_acquisition.files.temporary_folder import temporary_folder
 from recoil_acquisition.remark import NoteCode
 from recoil_daq.recording.conversion import ConversionTask, convert
 from recoil_daq.reports.identify import identify_file
@@ -70,7 +70,7 @@ def warm(task: tuple[Path, Path | None, bool]) -> None:
         Rig file, last shot file that is there (None if there is none), and whether shots are identified.
     """
     path, last, identify = task
-    with tempfile.TemporaryDirectory(prefix="recoil-daq-") as name, suppress(RecoilDaqError, OSError):
+    with temporary_folder() as name, suppress(RecoilDaqError, OSError):
         folder = Path(name)
         rig = load_rig(path)
         rig = rig if rig.twin else load_rig(_OTHER_RIG)

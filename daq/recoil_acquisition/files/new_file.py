@@ -50,6 +50,18 @@ def remove_partials(path: Path, *, idle_s: float = 0.0) -> None:
                 partial.unlink(missing_ok=True)
 
 
+def remove_left_partials(folder: Path, *, idle_s: float) -> None:
+    """Remove from a folder what lies under partial names, of whatever path, and was not written for so long.
+
+    A name that keeps a suffix is left: whoever writes that takes it away.
+    """
+    partial = re.compile(rf"\..+\.[0-9a-f]{{{2 * _TOKEN_BYTES}}}\.partial")
+    with contextlib.suppress(OSError):
+        for left in folder.iterdir():
+            if partial.fullmatch(left.name) and time.time() - left.stat().st_mtime >= idle_s:
+                left.unlink(missing_ok=True)
+
+
 def partials_of(path: Path) -> list[Path]:
     """Return what stands under partial names of a path, which keep no suffix, in the order of these names."""
     partial = re.compile(re.escape(f".{path.name}.") + f"[0-9a-f]{{{2 * _TOKEN_BYTES}}}" + re.escape(".partial"))

@@ -87,7 +87,8 @@ def _unread_names(faults: Sequence[Fault], file: RigFile) -> bool:
     named = [fault for fault in faults if fault.code is not FaultCode.DUPLICATE]
     if any(fault.parts[:1] == (array,) or fault.parts[1:] == ("name",) for fault in named for array in _ARRAYS):
         return True
-    return any(not row.texts.get("name") for row in (*file.sources.rows, *file.channels.rows))
+    texts = [*(row.texts for row in file.sources.rows), *(row.texts for row in file.channels.rows)]
+    return any(not one.get("name") for one in texts)
 
 
 def _refers(fault: Fault) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import threading
 import time
 from collections.abc import Mapping
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import DeviceError, Fault, FaultCode, RigError
+from recoil_acquisition.files.temporary_folder import temporary_folder
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import TwinShot, simulate_shot
 from recoil_rigs.twin.player import TwinPlayer, is_virtual, playable_sources
@@ -75,7 +75,7 @@ class RangeDay:
         silence_after_s: float = 1.5,
         **play: Any,
     ) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="recoil-daq-range-")
+        self._folder = temporary_folder("range")
         self._drop_into = drop_into
         try:
             self.shots: tuple[TwinShot, ...] = tuple(

@@ -11,7 +11,6 @@ import os
 import select
 import socket
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Mapping
@@ -19,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import DeviceError
+from recoil_acquisition.files.temporary_folder import temporary_folder
 from recoil_rigs.twin.can_replay import CanItem
 
 _GROUP = "239.74.163.2"
@@ -98,7 +98,7 @@ class PseudoTerminal:
     """
 
     def __init__(self, name: str) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="recoil-daq-")
+        self._folder = temporary_folder()
         self.path = Path(self._folder.name) / name
         self._master = self._slave = -1
         self._flows = True

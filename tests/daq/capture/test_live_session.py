@@ -223,7 +223,9 @@ def test_what_a_stalled_read_returns_after_the_shots_end_is_in_the_shot(
 
 
 @pytest.mark.real_time
-@pytest.mark.parametrize("spoil", [Path.unlink, lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])])
+@pytest.mark.parametrize(
+    "spoil", [Path.unlink, lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])]
+)
 def test_a_journal_stays_that_holds_more_of_a_shot_than_its_capture(
     tmp_path: Path, device: PlayedBus, spoil: Callable[[Path], Any]
 ) -> None:

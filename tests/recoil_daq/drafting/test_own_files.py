@@ -143,24 +143,29 @@ SECOND = {
     "serial_i16_at_10": {"gain": RATE_PER_COUNT, "role": "tipping_rate"},
 }  # fmt: skip
 """Values beside the mechanism's that the second one asks for; no others."""
+MOST_EDITS = 12
+"""Edits of drafts, beside the mechanism's values, from files that nobody made for this program to a valid mass."""
 
 
 @pytest.mark.whole_way
 @pytest.mark.usefixtures("stand")
-def test_own_files_become_a_valid_mass_in_two_drafts(run) -> None:
-    given = [*RECORDED, "--database", "bus1.dbc", "--database", "bus2.dbc", "--sensors", "sensoren.csv"]
+@pytest.mark.parametrize("camera", [True, False], ids=["all", "without camera"])
+def test_own_files_become_a_valid_mass_in_two_drafts(run, *, camera: bool) -> None:
+    recorded = [name for name in RECORDED if camera or not name.startswith("Kamera")]
+    given = [*recorded, "--database", "bus1.dbc", "--database", "bus2.dbc", "--sensors", "sensoren.csv"]
     assert run("init", *given).exit_code == 0
     text = filled(Path("rig.toml").read_text(encoding="utf-8"), {"mechanism": MECHANISM, **FIRST})
     Path("rig.toml").write_text(text, encoding="utf-8")
     done = run("init", *given, "--from", "rig.toml", "--overwrite", "--json")
     assert done.exit_code == 0, done.output
     asked = {tuple(re.findall(r"'(.*)'.*\.(\w+)", one["key"])[0]) for one in json.loads(done.stdout)["open"]}
+    assert len(asked) + sum(map(len, FIRST.values())) <= MOST_EDITS
     assert asked == {(name, key) for name, values in SECOND.items() for key in values}
     text = filled(Path("rig.toml").read_text(encoding="utf-8"), SECOND)
     Path("rig.toml").write_text(text, encoding="utf-8")
-    checked = run("check", "rig.toml", *RECORDED)
+    checked = run("check", "rig.toml", *recorded)
     assert checked.exit_code == 0, checked.output
-    ingested = run("ingest", "rig.toml", *RECORDED, "--shot", "0001", "--json")
+    ingested = run("ingest", "rig.toml", *recorded, "--shot", "0001", "--json")
     assert ingested.exit_code == 0, ingested.output
     identified = run("identify", "shots", "--workers", "1")
     assert identified.exit_code == 0, identified.output

@@ -37,6 +37,7 @@ from recoil_acquisition.child_process import isolated
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
 from recoil_acquisition.extras import DEWESOFT
+from recoil_acquisition.files.temporary_folder import PREFIX, remove_left_folders
 from recoil_acquisition.readers.containers.stored_time import selected
 from recoil_acquisition.readers.dewesoft import child_process as child
 from recoil_acquisition.readers.reader import Declarations
@@ -84,7 +85,8 @@ class DewesoftReader:
                 expected=f"{MAGIC.decode()} and {FEWEST_BYTES} bytes", found=f"{head!r} and {size} bytes",
             )  # fmt: skip
         _check_library(path)
-        folder = Path(tempfile.mkdtemp(prefix="recoil-daq-"))
+        remove_left_folders()
+        folder = Path(tempfile.mkdtemp(prefix=PREFIX))
         try:
             return _Found(path, folder, _run(path, folder, size), declared.clock).recording()
         except BaseException:

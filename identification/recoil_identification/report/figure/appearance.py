@@ -70,7 +70,10 @@ def y_range(panel: Panel, shown: Range | None) -> Range | None:
     if log:
         return max(low, high * 10.0**-LOG_DECADES) / 2.0, high * 3.0
     # a span's label stands at the top of the panel, and needs room there
-    below, above = 0.06 * (high - low), (0.13 if panel.spans else 0.06) * (high - low)
+    stretches = [span for span in panel.spans if span.x0 < span.x1]
+    # and that of one which stands over another at the foot
+    below, above = (0.13 if room else 0.06 for room in (len(stretches) > 1, panel.spans))
+    below, above = below * (high - low), above * (high - low)
     return (low - below, high + above) if low < high else None
 
 

@@ -59,7 +59,8 @@ STRAIGHT = 2.0**-13
 """Distance from the line between its neighbours, as a share of the panel's height, below which the second sample of a
 bucket is left out: a twentieth of a pixel."""
 LABEL_PLACES = ("top left", "bottom left", "middle left")
-"""Places of the names of a panel's stretches, one after another, so that they do not lie on each other."""
+"""Places of the names of a panel's stretches, so that they do not lie on each other: the first has room above what is
+drawn."""
 LETTER = 0.012
 """Width of a letter of such a name, share of the width of a figure on a narrow screen."""
 MOST_TICKS = 24
@@ -150,10 +151,8 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
                 trace, hue, dash, buckets, log=scale == "log", shown=shown, names=names, straight=STRAIGHT * height_y
             )
             data += [part | axes | _grouped(trace, part, data) for part in parts]
-        stretches, rows = 0, _rows_of_instants(panel.spans, shown, scale)
-        for span, row in zip(panel.spans, rows, strict=True):
-            place = LABEL_PLACES[stretches % len(LABEL_PLACES)]
-            stretches += span.x0 < span.x1
+        rows, places = _rows_of_instants(panel.spans, shown, scale), _places_of_stretches(panel.spans, shown)
+        for span, row, place in zip(panel.spans, rows, places, strict=True):
             layout["shapes"].append(_span(span, f"x{x_number}", f"y{number}", place, row))
         for line in panel.lines:
             layout["shapes"] += _line(line, f"x{x_number}", f"y{number}")
@@ -334,6 +333,20 @@ def _rows_of_instants(spans: Sequence[Span], shown: tuple[float, float] | None, 
         rows[number] = next((row for row, end in enumerate(ends) if end < left), len(ends))
         ends[rows[number] : rows[number] + 1] = [left + LETTER * len(span.label)]
     return rows
+
+
+def _places_of_stretches(spans: Sequence[Span], shown: tuple[float, float] | None) -> list[str]:
+    """Return where the name of each stretch stands: at the top, unless that of one before it would lie under it."""
+    low, high = shown or (0.0, 0.0)
+    ends, places = [-math.inf] * len(LABEL_PLACES), [LABEL_PLACES[0]] * len(spans)
+    for number in sorted(range(len(spans)), key=lambda one: spans[one].x0):
+        span = spans[number]
+        if span.x0 == span.x1:
+            continue
+        left = (max(span.x0, low) - low) / (high - low) if high > low else 0.0
+        place = next((k for k, end in enumerate(ends) if end < left), len(ends) - 1)
+        ends[place], places[number] = left + LETTER * len(span.label), LABEL_PLACES[place]
+    return places
 
 
 def _span(span: Span, x_axis: str, y_axis: str, label_place: str, row: int = 0) -> dict[str, Any]:

@@ -165,6 +165,19 @@ def test_symbols_of_legends_are_explained_in_the_captions():
             assert symbol not in legends or f'"{escape(TERMS[symbol])}"' in Glossary().text(figure.caption), figure.key
 
 
+def test_names_of_stretches_beside_one_another_stand_at_the_top_where_no_point_is() -> None:
+    """A name at the foot lay over a point of the campaign's masses."""
+    x = np.arange(4.0)
+    spans = (Span("as built", -0.46, 1.46), Span("as built + 120 kg", 1.54, 3.46), Span("over both", -0.4, 3.0))
+    points = Trace("mass", x, x, "points", "kg")
+    for several, places in ((spans[:2], ["top left"] * 2), (spans, ["top left", "top left", "bottom left"])):
+        figure = Figure("mass", "t", "c", "shot", (Panel("mass, kg", (points,), spans=several),), shown=(-0.6, 4.0))
+        shapes = drawing(figure)["layout"]["shapes"]
+        assert [shape["label"]["textposition"] for shape in shapes] == places
+        low, high = drawing(figure)["layout"]["yaxis"]["range"]
+        assert (0.0 - low, high - 3.0) == pytest.approx((0.39, 0.39))
+
+
 def test_no_two_names_of_stretches_and_instants_of_the_spectrum_lie_on_each_other():
     shapes = drawing(report_figures(identified("mixed"))[-1])["layout"]["shapes"]
     assert [shape["label"]["text"].partition(",")[0] for shape in shapes] == ["cut-off", "gap"]
