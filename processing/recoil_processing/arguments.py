@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array, Flags
+from recoil_acquisition.arrays import Array
 
 
 def require_positive(**values: float) -> None:
@@ -37,7 +39,7 @@ def require_finite(**series: Array) -> None:
             raise ValueError(f"{name} must be finite; bridge lost samples first")
 
 
-def require_alike(**series: Array | Flags) -> None:
+def require_alike(**series: NDArray[Any]) -> None:
     """Raise ValueError for what are not series of equal length, by all of their names."""
     shapes = [one.shape for one in series.values()]
     if len(shapes[0]) != 1 or len(set(shapes)) > 1:

@@ -38,7 +38,10 @@ def plan_of_options(given: Mapping[str, Any], shots: int) -> CampaignPlan:
     ValueError
         With every fault of the options, each by its name.
     """
-    table = {key: _taken_apart(key, value) if OPTIONS[key][1] else value for key, value in given.items()}
+    table = dict(given)
+    for key, value in given.items():
+        if OPTIONS[key][1]:
+            table[key] = _taken_apart(key, value)
     if "charges" in table:
         table["charges"] = table["charges"].split(",")
     faults: list[Fault] = []

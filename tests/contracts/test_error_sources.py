@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
 import pytest
 
 from recoil_identification.campaign.influence import source_of
 from recoil_identification.shot.shot_summary import OF_RIG
-from recoil_processing.shot.error_source import GROUP_OF, KINDS_OF, ErrorSource, SourceGroup, SourceKind
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from tests.builders.virtual_shots import identified
-
-
-def test_every_kind_of_error_is_in_one_group() -> None:
-    assert set(GROUP_OF) == set(SourceKind)
-    assert Counter(kind for kinds in KINDS_OF.values() for kind in kinds).most_common(1)[0][1] == 1
-    assert set(KINDS_OF) == set(SourceGroup)
 
 
 def test_a_group_says_what_a_better_mass_would_take() -> None:

@@ -9,108 +9,7 @@ scales (`recoil_processing.shot.sensor_scales`) and the errors of the force
 from __future__ import annotations
 
 from enum import StrEnum
-from types import MappingProxyType
 from typing import Any, Self
-
-
-class SourceKind(StrEnum):
-    """Kind of a source of error."""
-
-    RANDOM = "random"
-    """Noise of the rows themselves."""
-    SENSITIVITY = "sensitivity"
-    """Scale of a role's sensor, or of one of several gauges of a pressure."""
-    FORCE_SCALE = "force scale"
-    """Scale of a gauge with its piston's area, where the area has no row of its own."""
-    CAMERA_SCALE = "camera scale"
-    SCALE = "scale"
-    """Scale of a sensor in the equations of motion of all bodies."""
-    SCALE_AND_AREA = "scale and area"
-    """Scale of a gauge in those equations, with its piston's area."""
-    AREA = "area"
-    """Area that the rig declares."""
-    DECLARED = "declared"
-    """Length or angle that the rig declares."""
-    STANDARD = "standard"
-    """Calibration standard that several sensors share."""
-    FRICTION = "friction"
-    """Packing friction."""
-    SLIDE_FRICTION = "slide friction"
-    """Viscous friction of slides and seals."""
-    UNREAD_SHARE = "unread share"
-    """Share by which the resistance that gauges read falls short of the whole."""
-    UNREAD_FORCE = "unread force"
-    """Force of unknown shape along the travel that no gauge reads, all its shapes together."""
-    UNREAD_SHAPE = "unread shape"
-    """One of its shapes."""
-    FORCE_LINE = "force line"
-    """Distance between the line of the forces and the centre of mass."""
-    ZERO = "zero"
-    MOVING_ZERO = "moving zero"
-    """Zero of a gauge that moves at the shot with a time constant."""
-    REPAIR = "repair"
-    """Remainder of a disturbance that was repaired."""
-    LOST_SAMPLES = "lost samples"
-    BRIDGED = "bridged"
-    """What bridges lost samples of a role, where no low-pass notices it."""
-    BRIDGED_SHAPE = "bridged shape"
-    """Part of that, a shape of known form and unknown size."""
-    """Samples that were bridged."""
-    NOT_RECORDED = "not recorded"
-    """Motion that no sensor recorded."""
-    RELEASE = "release"
-    """Velocity that the battery stop gives the part."""
-    GAS = "gas"
-    """Pressure left in a bore that is taken for empty."""
-    SKEW = "skew"
-    """Delay between the chains of acceleration and force."""
-    DELAY = "delay"
-    """Delay of a gauge's chain."""
-    ALIGNMENT = "alignment"
-    """Offset of a clock."""
-    CLOCK_RATE = "clock rate"
-    CAMERA_LATE = "camera late"
-    """Rest of the camera clock's offset, which its frames tell."""
-    CAMERA_GAIN = "camera gain"
-    """Ratio of the scales of camera and accelerometer, by which the camera's clock was aligned."""
-    PLACE = "place"
-    """Place of the part before the shot."""
-    PICTURE = "picture"
-    """Shape in which optics bend the camera's picture."""
-    CARRIAGE_PART = "carriage part"
-    """Scale of the carriage's part of the travel that a camera sees."""
-    CARRIAGE_ZERO = "carriage zero"
-    """Zero of that part."""
-    GAUGE_DIFFERENCE = "gauge difference"
-    """Zero or delay of a difference of several gauges of one pressure."""
-    MASS_CHANGE = "mass change"
-    """Shape in which the mass may change during the shot."""
-    KNOWN_IMPULSE = "known impulse"
-    """Impulse of a force that the rig declares."""
-    KNOWN_LOAD = "known load"
-    """Load on a gauge that the rig declares."""
-    PARAMETER = "parameter"
-    """Parameter of the mechanism that is held at a value."""
-    CHOICE = "choice"
-    """Choice of the analyst."""
-    RANDOM_OF_SHOTS = "random of shots"
-    """What each of many shots has of its own: noise, zeros, and how far gains and friction do not repeat."""
-    SENSOR_SCALE = "sensor scale"
-    """Scale of one sensor in many shots, by its serial number."""
-    BORE_FRICTION = "bore friction"
-    """Share of the breech's force that the projectile's friction in the bore takes off."""
-    LINEARITY = "linearity"
-    """Line of a gauge that is bent."""
-    HYSTERESIS = "hysteresis"
-    """Reading of a gauge as the pressure falls, beside that as it rises."""
-    GAUGE_AHEAD = "gauge ahead"
-    """Pressure between the breech face and a gauge that sits ahead of it."""
-    MUZZLE_BRAKE = "muzzle brake"
-    """Share of the breech's force that a muzzle brake takes off behind the projectile."""
-    TUBE = "tube"
-    """Swing of the tube along its axis."""
-    ADDED_MASS = "added mass"
-    """Mass that was weighed and added to the recoiling part of some shots."""
 
 
 class SourceGroup(StrEnum):
@@ -126,85 +25,125 @@ class SourceGroup(StrEnum):
     """Lengths, areas and masses that the rig file and the shot log state."""
 
 
+class SourceKind(StrEnum):
+    """Kind of a source of error: how a file spells it, the name of its sources, and the group that they belong to.
+
+    Attributes
+    ----------
+    named
+        Name of the kind's sources, with the places of what they are of and of the further words.
+    group
+        Group in which a budget adds them up.
+    """
+
+    named: str
+    group: SourceGroup
+
+    def __new__(cls, value: str, named: str, group: SourceGroup) -> Self:
+        """Keep what the row states."""
+        self = str.__new__(cls, value)
+        self._value_, self.named, self.group = value, named, group
+        return self
+
+    RANDOM = "random", "random errors of this shot", SourceGroup.MOTION_NOISE
+    """Noise of the rows themselves."""
+    SENSITIVITY = "sensitivity", "{of} sensitivity", SourceGroup.SENSORS
+    """Scale of a role's sensor, or of one of several gauges of a pressure."""
+    FORCE_SCALE = "force scale", "{of} sensitivity and area", SourceGroup.SENSORS
+    """Scale of a gauge with its piston's area, where the area has no row of its own."""
+    CAMERA_SCALE = "camera scale", "camera scale", SourceGroup.SENSORS
+    SCALE = "scale", "{of} scale", SourceGroup.SENSORS
+    """Scale of a sensor in the equations of motion of all bodies."""
+    SCALE_AND_AREA = "scale and area", "{of} scale and area", SourceGroup.SENSORS
+    """Scale of a gauge in those equations, with its piston's area."""
+    AREA = "area", "{of}", SourceGroup.GEOMETRY
+    """Area that the rig declares."""
+    DECLARED = "declared", "{of}", SourceGroup.GEOMETRY
+    """Length or angle that the rig declares."""
+    STANDARD = "standard", "standard {of}", SourceGroup.SENSORS
+    """Calibration standard that several sensors share."""
+    FRICTION = "friction", "packing friction", SourceGroup.UNREAD_FORCES
+    """Packing friction."""
+    SLIDE_FRICTION = "slide friction", "slide friction", SourceGroup.UNREAD_FORCES
+    """Viscous friction of slides and seals."""
+    UNREAD_SHARE = "unread share", "share of the resistance that no gauge reads", SourceGroup.UNREAD_FORCES
+    """Share by which the resistance that gauges read falls short of the whole."""
+    UNREAD_FORCE = "unread force", "force of unknown shape that no gauge reads", SourceGroup.UNREAD_FORCES
+    """Force of unknown shape along the travel that no gauge reads, all its shapes together."""
+    UNREAD_SHAPE = "unread shape", "shape {detail} of the force that no gauge reads", SourceGroup.UNREAD_FORCES
+    """One of its shapes."""
+    FORCE_LINE = "force line", "force line", SourceGroup.GEOMETRY
+    """Distance between the line of the forces and the centre of mass."""
+    ZERO = "zero", "{of} zero", SourceGroup.SENSORS
+    MOVING_ZERO = "moving zero", "{of} zero that moves in {detail} ms", SourceGroup.SENSORS
+    """Zero of a gauge that moves at the shot with a time constant."""
+    REPAIR = "repair", "{of} {detail}", SourceGroup.SENSORS
+    """Remainder of a disturbance that was repaired."""
+    LOST_SAMPLES = "lost samples", "samples lost at {detail} ms", SourceGroup.SENSORS
+    BRIDGED = "bridged", "{of} bridged samples", SourceGroup.SENSORS
+    """What bridges lost samples of a role, where no low-pass notices it."""
+    BRIDGED_SHAPE = "bridged shape", "{of} bridged samples, shape {detail}", SourceGroup.SENSORS
+    """Part of that, a shape of known form and unknown size."""
+    NOT_RECORDED = "not recorded", "{of}, not recorded", SourceGroup.SENSORS
+    """Motion that no sensor recorded."""
+    RELEASE = "release", "release from the battery stop", SourceGroup.UNREAD_FORCES
+    """Velocity that the battery stop gives the part."""
+    GAS = "gas", "gas left in the bore", SourceGroup.UNREAD_FORCES
+    """Pressure left in a bore that is taken for empty."""
+    SKEW = "skew", "skew of acceleration and force", SourceGroup.SENSORS
+    """Delay between the chains of acceleration and force."""
+    DELAY = "delay", "{of} delay", SourceGroup.SENSORS
+    """Delay of a gauge's chain."""
+    ALIGNMENT = "alignment", "alignment of clock {of}", SourceGroup.SENSORS
+    """Offset of a clock."""
+    CLOCK_RATE = "clock rate", "rate of clock {of}", SourceGroup.SENSORS
+    CAMERA_LATE = "camera late", "camera late", SourceGroup.SENSORS
+    """Rest of the camera clock's offset, which its frames tell."""
+    CAMERA_GAIN = "camera gain", "camera alignment", SourceGroup.SENSORS
+    """Ratio of the scales of camera and accelerometer, by which the camera's clock was aligned."""
+    PLACE = "place", "place before the shot", SourceGroup.SENSORS
+    """Place of the part before the shot."""
+    PICTURE = "picture", "{detail} of the camera's picture", SourceGroup.SENSORS
+    """Shape in which optics bend the camera's picture."""
+    CARRIAGE_PART = "carriage part", "the carriage's part of the travel too large", SourceGroup.SENSORS
+    """Scale of the carriage's part of the travel that a camera sees."""
+    CARRIAGE_ZERO = "carriage zero", "zero of the carriage's part of the travel", SourceGroup.SENSORS
+    """Zero of that part."""
+    GAUGE_DIFFERENCE = "gauge difference", "{detail} of the gauges of {of}", SourceGroup.SENSORS
+    """Zero or delay of a difference of several gauges of one pressure."""
+    # one shot cannot tell a mass that changes from a force that no gauge reads
+    MASS_CHANGE = "mass change", "change {detail} of ln mass", SourceGroup.UNREAD_FORCES
+    """Shape in which the mass may change during the shot."""
+    KNOWN_IMPULSE = "known impulse", "declared impulse of {of}", SourceGroup.SENSORS
+    """Impulse of a force that the rig declares."""
+    KNOWN_LOAD = "known load", "declared load on {of}", SourceGroup.SENSORS
+    """Load on a gauge that the rig declares."""
+    PARAMETER = "parameter", "{of}", SourceGroup.GEOMETRY
+    """Parameter of the mechanism that is held at a value."""
+    CHOICE = "choice", "{detail}", SourceGroup.MOTION_NOISE
+    """Choice of the analyst."""
+    RANDOM_OF_SHOTS = "random of shots", "random errors of the shots", SourceGroup.MOTION_NOISE
+    """What each of many shots has of its own: noise, zeros, and how far gains and friction do not repeat."""
+    SENSOR_SCALE = "sensor scale", "{of} scale, sensor {detail}", SourceGroup.SENSORS
+    """Scale of one sensor in many shots, by its serial number."""
+    BORE_FRICTION = "bore friction", "bore_friction", SourceGroup.UNREAD_FORCES
+    """Share of the breech's force that the projectile's friction in the bore takes off."""
+    LINEARITY = "linearity", "{of} linearity", SourceGroup.SENSORS
+    """Line of a gauge that is bent."""
+    HYSTERESIS = "hysteresis", "{of} hysteresis", SourceGroup.SENSORS
+    """Reading of a gauge as the pressure falls, beside that as it rises."""
+    GAUGE_AHEAD = "gauge ahead", "{of} ahead of the breech face", SourceGroup.SENSORS
+    """Pressure between the breech face and a gauge that sits ahead of it."""
+    MUZZLE_BRAKE = "muzzle brake", "muzzle_brake", SourceGroup.UNREAD_FORCES
+    """Share of the breech's force that a muzzle brake takes off behind the projectile."""
+    TUBE = "tube", "tube along its axis", SourceGroup.SENSORS
+    """Swing of the tube along its axis."""
+    ADDED_MASS = "added mass", "added mass of {detail}", SourceGroup.GEOMETRY
+    """Mass that was weighed and added to the recoiling part of some shots."""
+
+
 OF_TIME = (SourceKind.SKEW, SourceKind.DELAY, SourceKind.ALIGNMENT)
 """Kinds that make something late, instead of reading high or low."""
-_SPELLED = {
-    SourceKind.RANDOM: "random errors of this shot",
-    SourceKind.RANDOM_OF_SHOTS: "random errors of the shots",
-    SourceKind.SENSITIVITY: "{of} sensitivity",
-    SourceKind.SENSOR_SCALE: "{of} scale, sensor {detail}",
-    SourceKind.FORCE_SCALE: "{of} sensitivity and area",
-    SourceKind.CAMERA_SCALE: "camera scale",
-    SourceKind.SCALE: "{of} scale",
-    SourceKind.SCALE_AND_AREA: "{of} scale and area",
-    SourceKind.AREA: "{of}",
-    SourceKind.DECLARED: "{of}",
-    SourceKind.BORE_FRICTION: "bore_friction",
-    SourceKind.LINEARITY: "{of} linearity",
-    SourceKind.HYSTERESIS: "{of} hysteresis",
-    SourceKind.GAUGE_AHEAD: "{of} ahead of the breech face",
-    SourceKind.MUZZLE_BRAKE: "muzzle_brake",
-    SourceKind.TUBE: "tube along its axis",
-    SourceKind.ADDED_MASS: "added mass of {detail}",
-    SourceKind.STANDARD: "standard {of}",
-    SourceKind.FRICTION: "packing friction",
-    SourceKind.SLIDE_FRICTION: "slide friction",
-    SourceKind.UNREAD_SHARE: "share of the resistance that no gauge reads",
-    SourceKind.UNREAD_FORCE: "force of unknown shape that no gauge reads",
-    SourceKind.UNREAD_SHAPE: "shape {detail} of the force that no gauge reads",
-    SourceKind.FORCE_LINE: "force line",
-    SourceKind.ZERO: "{of} zero",
-    SourceKind.MOVING_ZERO: "{of} zero that moves in {detail} ms",
-    SourceKind.REPAIR: "{of} {detail}",
-    SourceKind.LOST_SAMPLES: "samples lost at {detail} ms",
-    SourceKind.BRIDGED: "{of} bridged samples",
-    SourceKind.BRIDGED_SHAPE: "{of} bridged samples, shape {detail}",
-    SourceKind.NOT_RECORDED: "{of}, not recorded",
-    SourceKind.RELEASE: "release from the battery stop",
-    SourceKind.GAS: "gas left in the bore",
-    SourceKind.SKEW: "skew of acceleration and force",
-    SourceKind.DELAY: "{of} delay",
-    SourceKind.ALIGNMENT: "alignment of clock {of}",
-    SourceKind.CLOCK_RATE: "rate of clock {of}",
-    SourceKind.CAMERA_LATE: "camera late",
-    SourceKind.CAMERA_GAIN: "camera alignment",
-    SourceKind.PLACE: "place before the shot",
-    SourceKind.PICTURE: "{detail} of the camera's picture",
-    SourceKind.CARRIAGE_PART: "the carriage's part of the travel too large",
-    SourceKind.CARRIAGE_ZERO: "zero of the carriage's part of the travel",
-    SourceKind.GAUGE_DIFFERENCE: "{detail} of the gauges of {of}",
-    SourceKind.MASS_CHANGE: "change {detail} of ln mass",
-    SourceKind.KNOWN_IMPULSE: "declared impulse of {of}",
-    SourceKind.KNOWN_LOAD: "declared load on {of}",
-    SourceKind.PARAMETER: "{of}",
-    SourceKind.CHOICE: "{detail}",
-}
-"""Name of each kind's sources."""
-KINDS_OF = {
-    SourceGroup.SENSORS: (
-        SourceKind.SENSITIVITY, SourceKind.SENSOR_SCALE, SourceKind.FORCE_SCALE, SourceKind.CAMERA_SCALE,
-        SourceKind.SCALE, SourceKind.SCALE_AND_AREA, SourceKind.STANDARD, SourceKind.ZERO, SourceKind.MOVING_ZERO,
-        SourceKind.REPAIR, SourceKind.LOST_SAMPLES, SourceKind.BRIDGED, SourceKind.BRIDGED_SHAPE,
-        SourceKind.NOT_RECORDED, SourceKind.SKEW, SourceKind.DELAY, SourceKind.ALIGNMENT, SourceKind.CLOCK_RATE,
-        SourceKind.CAMERA_LATE, SourceKind.CAMERA_GAIN, SourceKind.PLACE, SourceKind.PICTURE,
-        SourceKind.CARRIAGE_PART, SourceKind.CARRIAGE_ZERO, SourceKind.GAUGE_DIFFERENCE,
-        SourceKind.LINEARITY, SourceKind.HYSTERESIS, SourceKind.GAUGE_AHEAD, SourceKind.TUBE,
-        SourceKind.KNOWN_IMPULSE, SourceKind.KNOWN_LOAD,
-    ),
-    SourceGroup.UNREAD_FORCES: (
-        SourceKind.FRICTION, SourceKind.BORE_FRICTION, SourceKind.MUZZLE_BRAKE, SourceKind.SLIDE_FRICTION,
-        SourceKind.UNREAD_SHARE, SourceKind.UNREAD_FORCE, SourceKind.UNREAD_SHAPE, SourceKind.RELEASE, SourceKind.GAS,
-        # one shot cannot tell a mass that changes from a force that no gauge reads
-        SourceKind.MASS_CHANGE,
-    ),
-    SourceGroup.MOTION_NOISE: (SourceKind.RANDOM, SourceKind.RANDOM_OF_SHOTS, SourceKind.CHOICE),
-    SourceGroup.GEOMETRY: (
-        SourceKind.AREA, SourceKind.DECLARED, SourceKind.FORCE_LINE, SourceKind.PARAMETER, SourceKind.ADDED_MASS,
-    ),
-}  # fmt: skip
-"""Kinds of each group."""
-GROUP_OF = MappingProxyType({kind: group for group, kinds in KINDS_OF.items() for kind in kinds})
-"""Kind -> its group; every kind has one."""
 
 
 class ErrorSource(str):
@@ -232,7 +171,7 @@ class ErrorSource(str):
 
     def __new__(cls, kind: SourceKind, of: str = "", detail: str = "") -> Self:
         """Spell the name."""
-        self = super().__new__(cls, _SPELLED[kind].format(of=of, detail=detail))
+        self = super().__new__(cls, kind.named.format(of=of, detail=detail))
         self.kind, self.of, self.detail = kind, of, detail
         return self
 
@@ -243,7 +182,7 @@ class ErrorSource(str):
     @property
     def group(self) -> SourceGroup:
         """Group in which a budget adds it up."""
-        return GROUP_OF[self.kind]
+        return self.kind.group
 
     @property
     def is_of_time(self) -> bool:
