@@ -23,7 +23,7 @@ from recoil_acquisition.causes import Subject, reasons_of, shot_findings
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import ErrorCode, ReadError, StoreError, system_errors_as
 from recoil_acquisition.files.new_file import give_name, partial_path
-from recoil_acquisition.files.regular_file import read_beginning
+from recoil_acquisition.files.regular_file import FileState, read_beginning, state_of
 from recoil_acquisition.files.shot_name import check_shot_name
 from recoil_acquisition.reader_process import EXPANSION, READER, SPARE_BYTES
 from recoil_acquisition.readers.hdf5.kind import SIGNATURE
@@ -160,20 +160,14 @@ def _channel_summary(signal: Any, time: Any, count: int) -> dict[str, Any]:
 
 Found = TypeVar("Found")
 
-_HELD: WeakValueDictionary[tuple[Path, int, int, int, int], Shot] = WeakValueDictionary()
+_HELD: WeakValueDictionary[FileState, Shot] = WeakValueDictionary()
 """Shots that this process wrote, read back and still holds, by their files as they were then."""
-
-
-def _file_state(path: Path) -> tuple[Path, int, int, int, int]:
-    """Return what differs of a file that somebody wrote since."""
-    state = path.stat()
-    return path.absolute(), state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino
 
 
 def _held(path: Path) -> Shot | None:
     """Return the shot of a file that this process wrote and nobody changed since, where it is still held."""
     try:
-        return _HELD.get(_file_state(path)) if _HELD else None
+        return _HELD.get(state_of(path)) if _HELD else None
     except OSError:
         return None
 
@@ -223,7 +217,7 @@ def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> Shot:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
     with contextlib.suppress(OSError):
-        _HELD[_file_state(path)] = back
+        _HELD[state_of(path)] = back
     return back
 
 

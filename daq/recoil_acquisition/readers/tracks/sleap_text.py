@@ -18,11 +18,12 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.row_counter import whole
 from recoil_acquisition.readers.text.recording import about_text_columns
 from recoil_acquisition.readers.text.rows import iter_rows
 from recoil_acquisition.readers.text.text_table import TextBlock
 from recoil_acquisition.readers.tracks.block import read_headed_text
-from recoil_acquisition.readers.tracks.columns import Column, whole
+from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
 from recoil_acquisition.readers.tracks.layout import signature
 from recoil_acquisition.readers.tracks.recording import TrackTable, track_recording
