@@ -10,6 +10,7 @@ steps are found, listed and taken out (`recoil_acquisition.clocks.clock_fit`).
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -205,7 +206,7 @@ def serial_recording(path: Path, reader: str, capture: PortStream, framing: Fram
     if not frames.begins.size:
         held = look_into(capture.stream)
         advised = f"declare {held.framings[0].advice}" if held.framings else _COMPARE
-        found = held.found or _counted(frames.counters.as_dict())
+        found = held.found or _counted(asdict(frames.counters))
         raise CorruptFileError("not one frame fits the declared framing", path=path, found=found, remedy=advised)
     return _Port(path, capture, framing, frames).recording(reader, clock)
 
@@ -235,7 +236,7 @@ class _Port:
     def recording(self, reader: str, clock: str) -> Recording:
         """Return the recording, read under a name, on a clock."""
         capture, frames, notes = self._capture, self._frames, self._notes
-        counters = frames.counters.as_dict()
+        counters = asdict(frames.counters)
         self._note_losses(counters)
         self._metadata |= {**counters, "bytes": len(capture.stream), "reads": int(capture.host_ns.size)}
         self._metadata["skipped_at_ends"] = min(
@@ -272,8 +273,8 @@ class _Port:
                 )
             )
         if not channels:
-            found = next(iter(absent.values()), _counted(counters))
-            raise CorruptFileError("no frame holds a declared field", path=self._path, found=found, remedy=_COMPARE)
+            why = next(iter(absent.values()), _counted(counters))
+            raise CorruptFileError("no frame holds a declared field", path=self._path, found=why, remedy=_COMPARE)
         return Recording(
             self._path, reader, channels, metadata=self._metadata, notes=notes,
             incomplete=capture.incomplete, absolute_start=start,
