@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.device import Block, Counters, Device
 from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.frames.framing import Framing
@@ -98,10 +99,8 @@ class LiveSource:
 
 def open_source(source: LiveSource) -> Device:
     """Open the device of a source; DeviceError, in one line, if that cannot be done."""
-    return open_device(
-        source.name, source.kind, source.device,
-        framing=source.framing, database=source.database, counters=source.counters, bus=source.bus,
-    )  # fmt: skip
+    declared = DeviceDeclarations(source.framing, source.database, source.counters, source.bus)
+    return open_device(source.name, source.kind, source.device, declared)
 
 
 @dataclass(frozen=True, eq=False)

@@ -331,7 +331,7 @@ class CanDevice(ReopenedDevice):
 
 def can_device(source: str, table: Mapping[str, Any], declared: DeviceDeclarations) -> CanDevice:
     """Return the device of a bus, whose declared counters are checked; DeviceError if the table is at fault."""
-    check = declared.check
-    if declared.counters and declared.database is not None and check is None:
+    check = None
+    if declared.counters and declared.database is not None:
         check = can_counter_check(source, declared.counters, declared.database, Path(f"source {source}"), declared.bus)
     return CanDevice(source, table, check=check, bus=declared.bus)

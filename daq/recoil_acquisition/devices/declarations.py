@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from recoil_acquisition.devices.stream_check import StreamCheck
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.readers.can.buses import BusName
 
@@ -16,19 +15,16 @@ class DeviceDeclarations:
     Attributes
     ----------
     framing
-        Framing of a serial source; None of any other.
+        Framing of a serial source, whose commands are sent and whose frames are counted; None of any other.
     database
-        Text of a bus's database; None of any other source.
+        Text of a bus's database, in which `counters` are found; None of any other source.
     counters
         Signals of a bus that count the messages they are in.
     bus
         Bus of the source, where its device delivers several.
-    check
-        Counter that looks at the blocks in place of the one that framing or counters would give.
     """
 
     framing: Framing | None = None
     database: str | None = None
     counters: tuple[str, ...] = ()
     bus: BusName | None = None
-    check: StreamCheck | None = None

@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
 from typing import Any
 
 from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.device import Device
-from recoil_acquisition.devices.stream_check import StreamCheck
 from recoil_acquisition.errors import DeviceError
-from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.live_kind import live_kind_of, live_kinds
-from recoil_acquisition.readers.can.buses import BusName
+
+NOTHING_DECLARED = DeviceDeclarations()
 
 
 def make_device(
     source: str,
     kind: str,
     table: Mapping[str, Any] | None,
-    *,
-    framing: Framing | None = None,
-    database: str | None = None,
-    counters: Sequence[str] = (),
-    bus: BusName | None = None,
-    check: StreamCheck | None = None,
+    declared: DeviceDeclarations = NOTHING_DECLARED,
 ) -> Device:
     """Make the device of a source, which is then to be opened.
 
@@ -37,16 +31,8 @@ def make_device(
     table
         Table ``device`` of the source, whose keys say what device it is. Everything in that of a bus goes to
         python-can.
-    framing
-        Framing of a serial source: its commands are sent, and its frames are counted.
-    database
-        Text of a bus's database, in which `counters` are found.
-    counters
-        Signals of a bus, such as ``Message.Signal``, that count the messages they are in.
-    bus
-        Bus of the source, where its device delivers several.
-    check
-        Counter that looks at the blocks in place of the one that framing or counters would give.
+    declared
+        What else the rig declares of the source.
 
     Raises
     ------
@@ -66,12 +52,13 @@ def make_device(
             f"source '{source}': the rig declares no device",
             remedy=f"write such as `device = {live.example}` in its table",
         )
-    declared = DeviceDeclarations(framing, database, tuple(counters), bus, check)
     device: Device = live.load("device")(source, table, declared)
     return device
 
 
-def open_device(source: str, kind: str, table: Mapping[str, Any] | None, **options: Any) -> Device:
+def open_device(
+    source: str, kind: str, table: Mapping[str, Any] | None, declared: DeviceDeclarations = NOTHING_DECLARED
+) -> Device:
     """Open the device of a source; parameters as of `make_device`.
 
     Raises
@@ -83,6 +70,6 @@ def open_device(source: str, kind: str, table: Mapping[str, Any] | None, **optio
     """
     live = live_kind_of(kind, table)
     with nullcontext() if live is None else live.at_work():
-        device = make_device(source, kind, table, **options)
+        device = make_device(source, kind, table, declared)
         device.open()
     return device

@@ -226,7 +226,7 @@ class SerialDevice(ReopenedDevice):
 
 def serial_device(source: str, table: Mapping[str, Any], declared: DeviceDeclarations) -> SerialDevice:
     """Return the device of a port: its framing's commands are sent, and its frames are counted; errors as of it."""
-    framing, check = declared.framing, declared.check
+    framing = declared.framing
     if framing is None:
-        return SerialDevice(source, table, check=check)
-    return SerialDevice(source, table, commands=SerialCommands.of(framing), check=check or FramingCheck(framing))
+        return SerialDevice(source, table)
+    return SerialDevice(source, table, commands=SerialCommands.of(framing), check=FramingCheck(framing))

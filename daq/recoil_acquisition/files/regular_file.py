@@ -53,6 +53,16 @@ def open_regular(path: Path) -> io.BufferedReader:
         return os.fdopen(handle, "rb")
 
 
+FileState = tuple[Path, int, int, int, int]
+"""What differs of a file that somebody wrote since: its path, times, size and place on the disk."""
+
+
+def state_of(path: Path) -> FileState:
+    """Return the state of a file; OSError if there is none."""
+    state = path.stat()
+    return path.absolute(), state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino
+
+
 def check_regular(path: Path) -> None:
     """Raise `ReadError` if `open_regular` does."""
     open_regular(path).close()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -63,10 +63,6 @@ class FrameCounters:
     implausible: int = 0
     not_followed: int = 0
     timed_out: int = 0
-
-    def as_dict(self) -> dict[str, int]:
-        """Return the counts by name."""
-        return asdict(self)
 
     def note(self, fault: str) -> None:
         """Count a fault by its name."""

@@ -11,6 +11,7 @@ from weakref import WeakValueDictionary
 
 from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError, system_errors_as
 from recoil_acquisition.files.new_file import give_name, partial_path, remove_partials
+from recoil_acquisition.files.regular_file import FileState, state_of
 from recoil_acquisition.log.folder import Log, in_order
 from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind, Record, pack_json, pack_record
 from recoil_acquisition.log.scan import Damage, FileScan, first_log_id
@@ -102,7 +103,7 @@ def write_capture(
         temporary.unlink(missing_ok=True)
 
 
-_HELD: WeakValueDictionary[tuple[Path, int, int, int, int], Capture] = WeakValueDictionary()
+_HELD: WeakValueDictionary[FileState, Capture] = WeakValueDictionary()
 """Captures that somebody holds, by their files as they were read: each of a shot's sources asks for the same one."""
 
 
@@ -117,10 +118,9 @@ def read_capture(path: Path) -> Capture:
         If not one record in it is sound.
     """
     try:
-        state = path.stat()
+        key = state_of(path)
     except OSError:
         return _read(path)
-    key = path.absolute(), state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino
     held = _HELD.get(key)
     if held is None:
         held = _HELD[key] = _read(path)

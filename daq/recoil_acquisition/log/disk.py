@@ -288,6 +288,8 @@ class LogDisk:
     ----------
     segment
         Segment that is written.
+    written, unsynced
+        Segments before that one; records that may not be on the disk yet.
     spared
         Reason why the log goes on in the spare folder; empty if it does not.
 
@@ -300,8 +302,8 @@ class LogDisk:
     def __init__(self, folder: Path, reserve_bytes: int, spare: Path | None, segment_bytes: int) -> None:
         self._folder, self._spare = folder, spare
         self.spared = ""
-        self._written = SegmentSync()
-        self._unsynced = UnsyncedRecords()
+        self.written = SegmentSync()
+        self.unsynced = UnsyncedRecords()
         self._reserve = SegmentReserve(folder, segment_bytes, reserve_bytes)
         self._spare_reserve: SegmentReserve | None = None
         try:
@@ -322,15 +324,10 @@ class LogDisk:
         """Space that is reserved and not yet used."""
         return self.segment.room + self._reserve.free_bytes
 
-    @property
-    def full_segments(self) -> int:
-        """Number of segments before the one that is written."""
-        return self._written.count
-
     def write(self, number: int, head: bytes, data: bytes | memoryview) -> None:
         """Write a record, for which there must be room; OSError if the disk fails."""
         if self._spare_reserve is not None:
-            self._unsynced.keep(number, head, data)
+            self.unsynced.keep(number, head, data)
         try:
             self.segment.write(head, data)
         except OSError:
@@ -343,19 +340,11 @@ class LogDisk:
     def next_segment(self) -> None:
         """Go on in another segment; OSError if there is none and none can be made."""
         full, self.segment = self.segment, self._reserve.take()
-        self._written.retire(full)
+        self.written.retire(full)
 
     def top_up(self) -> None:
         """Reserve as much as at first; OSError if that cannot be done."""
-        self._reserve.top_up(self._written.count + 1)
-
-    def sync(self, segment: WritingSegment) -> None:
-        """Force a segment, which is written or was a moment ago, and all before it to the disk; raises OSError."""
-        self._written.sync(segment)
-
-    def synced(self, until: int) -> None:
-        """Let go of the records before a number: they are on the disk."""
-        self._unsynced.forget(until)
+        self._reserve.top_up(self.written.count + 1)
 
     def go_on_elsewhere(self, error: OSError) -> None:
         """Go on in the spare folder with all that may not be on the disk.
@@ -370,8 +359,8 @@ class LogDisk:
         self.spared = str(error.strerror or error)
         given_up, first = self.segment, self._reserve
         self._reserve, self._spare_reserve = self._spare_reserve, first
-        waiting = self._unsynced.take_all()
-        self._written.abandon()
+        waiting = self.unsynced.take_all()
+        self.written.abandon()
         given_up.abandon()
         self.segment = self._reserve.take()
         for head, data in waiting:
@@ -380,18 +369,10 @@ class LogDisk:
             self.segment.write(head, data)
             self.segment.note(-(1 << 63), (1 << 63) - 1)  # never released
 
-    def releasable(self, before_ns: int, kept: Sequence[tuple[int, int]]) -> list[WritingSegment]:
-        """Return the closed segments of which all arrived before a time and nothing within a span that is kept."""
-        return self._written.releasable(before_ns, kept)
-
-    def remove(self, segments: Sequence[WritingSegment]) -> None:
-        """Remove some of the segments that `releasable` returned; StoreError if the system refuses."""
-        self._written.remove(segments)
-
     def close(self) -> OSError | None:
         """Force everything to the disk and give back the space that was not used; return the first failure."""
-        self._written.retire(self.segment)
-        failure = self._written.finish()
+        self.written.retire(self.segment)
+        failure = self.written.finish()
         try:
             if self._spare_reserve is not None:
                 with contextlib.suppress(OSError):  # that of a folder that was given up

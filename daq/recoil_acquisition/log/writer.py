@@ -307,7 +307,7 @@ class LogWriter:
         StoreError
             If the system refuses.
         """
-        segments = self._disk.releasable(before_ns, kept)
+        segments = self._disk.written.releasable(before_ns, kept)
         if not segments:
             return 0
         for segment in segments:
@@ -315,7 +315,7 @@ class LogWriter:
         # listed on the disk first: after a crash what is missing without a list would count as lost
         self.say(Kind.RELEASED, time.monotonic_ns(), self._released.to_json())
         self.sync()
-        self._disk.remove(segments)
+        self._disk.written.remove(segments)
         self._space_wanted.set()
         return sum(segment.count for segment in segments)
 
@@ -436,7 +436,7 @@ class LogWriter:
                 self._syncing_since, self._unsynced_since = self._unsynced_since, None
                 current, until = self._disk.segment, self._number
             try:
-                self._disk.sync(current)
+                self._disk.written.sync(current)
             except OSError as error:
                 self._in_doubt = True
                 with self._lock:
@@ -444,14 +444,14 @@ class LogWriter:
                     self._go_on_elsewhere(error)
                     current, until = self._disk.segment, self._number
                 try:
-                    self._disk.sync(current)
+                    self._disk.written.sync(current)
                 except OSError as again:
                     raise self._break(again) from again
                 self._in_doubt = False
             finally:
                 self._syncing_since = None
             with self._lock:
-                self._disk.synced(until)
+                self._disk.unsynced.forget(until)
 
     def _say(self, kind: Kind, host_ns: int, payload: bytes) -> None:
         self._append(OWN, kind, host_ns, payload, zlib.crc32(payload, self._seed), UNKNOWN)
@@ -467,7 +467,7 @@ class LogWriter:
         self._say_session(filling if filling <= segment.size // _SESSION_SHARE else 0)
         self._say_session()
         try:
-            self._disk.sync(self._disk.segment)
+            self._disk.written.sync(self._disk.segment)
         except OSError as error:
             raise self._break(error) from error
         self._begun = True
@@ -487,7 +487,7 @@ class LogWriter:
         totals = {str(source): counted for source, counted in self._sources.items() if source != OWN}
         payload = pack_json({"sources": totals, "longest_us": self._longest_us})
         self._say(Kind.CLOSED, time.monotonic_ns(), payload)
-        if self._disk.full_segments:
+        if self._disk.written.count:
             with contextlib.suppress(OSError):  # without room for another one, both stand in this one
                 self._next_segment()
         self._say(Kind.CLOSED, time.monotonic_ns(), payload)

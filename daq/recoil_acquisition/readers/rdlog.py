@@ -6,8 +6,7 @@ from pathlib import Path
 
 from recoil_acquisition.errors import FileEnd, ReadError
 from recoil_acquisition.log.capture import read_capture
-from recoil_acquisition.readers.captured import LIVE, CapturedSource, sources_of
-from recoil_acquisition.readers.head import Claim, Head
+from recoil_acquisition.readers.captured import CapturedSource, sources_of
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 
@@ -16,13 +15,6 @@ class CaptureReader:
     """Reader of captures: of the source that the declarations name, or of the only one of their kind."""
 
     name = "recoil-daq capture"
-    kind = LIVE
-    suffixes = (".rdlog",)
-
-    def claims(self, head: Head) -> Claim:
-        """Say that a capture is certain: the table asks where a record's mark was found."""
-        del head
-        return Claim.CERTAIN
 
     def open(self, path: Path, declared: Declarations) -> Recording:
         """Open one source of a capture.

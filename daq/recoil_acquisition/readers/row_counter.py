@@ -64,7 +64,7 @@ def counted_rows(counts: NDArray[np.float64]) -> CountedRows | None:
     CountedRows or None
         None if the column is no counter.
     """
-    if counts.size < FEWEST_ROWS or not _whole(counts).all():
+    if counts.size < FEWEST_ROWS or not whole(counts).all():
         return None
     steps: NDArray[np.int64] = np.diff(counts.astype(np.int64)).astype(np.int64)
     usual = int(np.median(steps))
@@ -140,7 +140,8 @@ def first_counter(
     return None
 
 
-def _whole(numbers: NDArray[np.float64]) -> NDArray[np.bool_]:
+def whole(numbers: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which numbers are whole and below 2**53, shape as given."""
     return np.asarray(np.isfinite(numbers) & (numbers == np.round(numbers)) & (np.abs(numbers) < 2.0**53))
 
 

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 from weakref import WeakValueDictionary
 
-import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.acquisition import AT_TRIGGER
@@ -24,12 +23,12 @@ from recoil_acquisition.causes import Subject, reasons_of, shot_findings
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import ReadError, StoreError, system_errors_as
 from recoil_acquisition.files.new_file import give_name, partial_path
-from recoil_acquisition.files.regular_file import read_beginning
+from recoil_acquisition.files.regular_file import FileState, read_beginning, state_of
 from recoil_acquisition.files.shot_name import check_shot_name
 from recoil_acquisition.reader_process import EXPANSION, READER, SPARE_BYTES
 from recoil_acquisition.readers.hdf5.kind import SIGNATURE
 from recoil_acquisition.recorded_file import RecordedFile
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot import Shot
 from recoil_acquisition.store.channel_layout import signals_of, time_groups
 from recoil_acquisition.store.file_tree import Group, last_word, tree_of
 from recoil_acquisition.store.layout import (
@@ -52,78 +51,46 @@ from recoil_acquisition.usability import Usability, usability
 
 def first_difference(one: Shot, other: Shot) -> str | None:
     """Name the first value in which two shots differ, samples compared bit for bit; None if there is none."""
-    for name in (
-        "name",
-        "rig_name",
-        "rig_text",
-        "reference_clock",
-        "inputs",
-        "quality",
-        "started",
-        "started_source",
-        "acquisition",
-    ):
-        if getattr(one, name) != getattr(other, name):
-            return name
-    if (one.databases is None) != (other.databases is None) or dict(one.databases or {}) != dict(other.databases or {}):
-        return "databases"
-    if [reason.to_json() for reason in one.against_mass] != [reason.to_json() for reason in other.against_mass]:
-        return "against_mass"
-    if _clock_fits(one) != _clock_fits(other):
-        return "clock_fits"
-    if _history(one) != _history(other):
-        return "history"
-    if [_alignment(a) for a in one.alignments] != [_alignment(a) for a in other.alignments]:
-        return "alignments"
-    if list(one.channels) != list(other.channels):
-        return "names of the channels"
-    for name, channel in one.channels.items():
-        difference = _difference_of_channels(channel, other.channels[name])
-        if difference is not None:
-            return f"{difference} of channel {name!r}"
-    return None
+    both = zip(_values(one), _values(other), strict=False)  # the names of the channels come before them
+    return next((name for (name, value), (_, its) in both if value != its), None)
 
 
-def _difference_of_channels(one: Channel, other: Channel) -> str | None:
-    if not _same_bits(one.samples, other.samples):
-        return "samples"
-    if not one.time_base.is_identical(other.time_base):
-        return "time base"
-    if (one.raw is None) != (other.raw is None):
-        return "raw counts"
-    if one.raw is not None and other.raw is not None:
-        same_scale = (one.raw.gain, one.raw.offset, one.raw.unit) == (other.raw.gain, other.raw.offset, other.raw.unit)
-        if not same_scale or not _same_bits(one.raw.counts, other.raw.counts):
-            return "raw counts"
-    for name in ("quantity", "signal", "role", "u_rel", "resolution"):
-        if getattr(one, name) != getattr(other, name):
-            return name
-    return None if _history(one) == _history(other) else "history"
+def _values(shot: Shot) -> Iterator[tuple[str, Any]]:
+    """Yield all that a shot states, each with its name; what may hold NaN, which must equal itself, as text."""
+    for name in ("name", "rig_name", "rig_text", "reference_clock", "inputs", "quality", "started", "started_source"):
+        yield name, getattr(shot, name)
+    yield "acquisition", shot.acquisition
+    yield "databases", None if shot.databases is None else dict(shot.databases)
+    yield "against_mass", [reason.to_json() for reason in shot.against_mass]
+    yield "clock_fits", [(clock, json_text(fit)) for clock, fit in shot.clock_fits.items()]
+    yield "history", _history(shot)
+    yield (
+        "alignments",
+        [
+            json_text([a.clock, *map(float, (a.offset_s, a.u_offset_s, a.drift, a.u_drift)), a.status, a.method])
+            + json_text([list(a.reasons), a.details])
+            for a in shot.alignments
+        ],
+    )
+    yield "names of the channels", list(shot.channels)
+    for name, channel in shot.channels.items():
+        base, raw, of = channel.time_base, channel.raw, f"of channel {name!r}"
+        yield f"samples {of}", _bits(channel.samples)
+        stamps = None if base.stamps_s is None else _bits(base.stamps_s)
+        yield f"time base {of}", (base.clock, base.start_s, base.step_s, base.count, base.absolute_start, stamps)
+        yield f"raw counts {of}", None if raw is None else (raw.gain, raw.offset, raw.unit, _bits(raw.counts))
+        for key in ("quantity", "signal", "role", "u_rel", "resolution"):
+            yield f"{key} {of}", getattr(channel, key)
+        yield f"history {of}", _history(channel)
 
 
-def _same_bits(one: NDArray[Any], other: NDArray[Any]) -> bool:
-    """Compare arrays bit for bit: NaN equals itself, and 0.0 does not equal -0.0."""
-    if one.dtype != other.dtype or one.shape != other.shape:
-        return False
-    bits = f"u{one.dtype.itemsize}"
-    return bool(np.array_equal(np.ascontiguousarray(one).view(bits), np.ascontiguousarray(other).view(bits)))
+def _bits(values: NDArray[Any]) -> tuple[str, tuple[int, ...], bytes]:
+    """Return what differs wherever a bit does: NaN equals itself, and 0.0 does not equal -0.0."""
+    return values.dtype.str, values.shape, values.tobytes()
 
 
 def _history(value: Shot | Channel) -> list[tuple[str, str, str]]:
     return [(step.what, step.version, json_text(step.parameters)) for step in value.history]
-
-
-def _clock_fits(shot: Shot) -> list[tuple[str, str]]:
-    return [(clock, json_text(fit)) for clock, fit in shot.clock_fits.items()]
-
-
-def _alignment(alignment: ClockAlignment) -> tuple[Any, ...]:
-    # Numbers as text, because an uncertainty that is NaN must equal itself
-    numbers = json_text(
-        [float(number) for number in (alignment.offset_s, alignment.u_offset_s, alignment.drift, alignment.u_drift)]
-    )
-    details = None if alignment.details is None else json_text(alignment.details)
-    return alignment.clock, numbers, alignment.status, alignment.method, alignment.reasons, details
 
 
 def summarise_layout(file: Any) -> dict[str, Any]:
@@ -193,20 +160,14 @@ def _channel_summary(signal: Any, time: Any, count: int) -> dict[str, Any]:
 
 Found = TypeVar("Found")
 
-_HELD: WeakValueDictionary[tuple[Path, int, int, int, int], Shot] = WeakValueDictionary()
+_HELD: WeakValueDictionary[FileState, Shot] = WeakValueDictionary()
 """Shots that this process wrote, read back and still holds, by their files as they were then."""
-
-
-def _file_state(path: Path) -> tuple[Path, int, int, int, int]:
-    """Return what differs of a file that somebody wrote since."""
-    state = path.stat()
-    return path.absolute(), state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino
 
 
 def _held(path: Path) -> Shot | None:
     """Return the shot of a file that this process wrote and nobody changed since, where it is still held."""
     try:
-        return _HELD.get(_file_state(path)) if _HELD else None
+        return _HELD.get(state_of(path)) if _HELD else None
     except OSError:
         return None
 
@@ -256,7 +217,7 @@ def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> Shot:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
     with contextlib.suppress(OSError):
-        _HELD[_file_state(path)] = back
+        _HELD[state_of(path)] = back
     return back
 
 

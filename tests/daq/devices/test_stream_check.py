@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.devices import stream_check
+from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.device import CAN, SERIAL, Block
 from recoil_acquisition.devices.opening import make_device
 from recoil_acquisition.devices.stream_check import FramingCheck, can_counter_check
@@ -109,8 +110,8 @@ def test_gaps_of_a_message_counter_are_counted_over_its_wrap(lost: set[int], siz
 def test_a_counter_that_is_not_in_the_database_is_refused() -> None:
     table = {"interface": "virtual", "channel": "x"}
     with pytest.raises(DeviceError, match=r"no signal 'NODE.m'; found NODE.n"):
-        make_device("bus", "can", table, database=DBC, counters=["NODE.m"])
-    device = make_device("bus", "can", table, database=DBC, counters=["NODE.n"])
+        make_device("bus", "can", table, DeviceDeclarations(database=DBC, counters=("NODE.m",)))
+    device = make_device("bus", "can", table, DeviceDeclarations(database=DBC, counters=("NODE.n",)))
     assert device.counters.counter_gaps == 0
     without = make_device("bus", "can", table)
     assert without.counters.counter_gaps is None

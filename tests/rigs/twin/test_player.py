@@ -18,6 +18,7 @@ import pytest
 from recoil_acquisition.capture.cut import write_everything
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
 from recoil_acquisition.clocks.host_clock import Anchor, anchor
+from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.device import Block, Device, event_of
 from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.devices.reader_thread import DeviceReader
@@ -103,14 +104,10 @@ def play(rig: Rig, shots: list[TwinShot], **options: Any) -> Recorded:
         for name, table in player.devices.items():
             source = rig.source(name)
             blocks[name] = []
-            devices[name] = open_device(
-                name,
-                source.kind,
-                table,
-                framing=None if source.framing is None else framing_from_table(source.framing),
-                database=rig.databases.get(str(source.database)),
-                counters=source.counters or (),
-            )
+            framing = None if source.framing is None else framing_from_table(source.framing)
+            database = rig.databases.get(str(source.database))
+            declared = DeviceDeclarations(framing, database, source.counters or ())
+            devices[name] = open_device(name, source.kind, table, declared)
             readers.append(DeviceReader(devices[name], blocks[name].append))
             readers[-1].start()
         player.start()

@@ -8,7 +8,7 @@ it (``sample_rate_unit``); what stands in several places must be the same.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -114,15 +114,28 @@ def _stated(
             continue
         wanted = {folded(name) + ending for ending in _UNIT_NAMES} | common
         beside = [text for other, text in properties.items() if folded(other) in wanted and isinstance(text, str)]
-        units = [unit.strip() for unit in (unit_behind, number[1], *beside) if unit.strip()]
-        factors = {unit_of(unit) for unit in units}
-        if None in factors:
-            unknown = next(unit for unit in units if unit_of(unit) is None)
-            return f"its {name} is in {unknown!r}, which is no unit of {quantity} that is known"
-        if len(factors) > 1:
-            return f"its {name} is stated in {' and in '.join(map(repr, units))}"
-        return Stated(name, number[0] * (factors.pop() or 1.0) if factors else number[0])
+        factor = one_unit(f"its {name}", (unit_behind, number[1], *beside), unit_of, quantity)
+        return factor if isinstance(factor, str) else Stated(name, number[0] * (factor or 1.0))
     return None
+
+
+def one_unit(
+    what: str, stated: Iterable[str], unit_of: Callable[[str], float | None] = time_unit_s, quantity: str = "time"
+) -> float | str | None:
+    """Return the one unit that is stated of something, perhaps in several places, or why it cannot be taken.
+
+    Returns
+    -------
+    float, str or None
+        Seconds, or Hz, of the unit; or why not: one is none of the quantity, or they differ; None if there is none.
+    """
+    units = {unit.strip(): unit_of(unit.strip()) for unit in stated if unit.strip()}
+    unknown = next((unit for unit, factor in units.items() if factor is None), None)
+    if unknown is not None:
+        return f"{what} is in {unknown!r}, which is no unit of {quantity} that is known"
+    if len(set(units.values())) > 1:
+        return f"{what} states its unit as {' and as '.join(map(repr, units))}"
+    return next(iter(units.values()), None)
 
 
 def _unit_behind(name: str, names: frozenset[str], unit_of: Callable[[str], float | None]) -> str | None:

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.readers.containers.time_axis import unit_in_time_name
 from recoil_acquisition.readers.hdf5.walk import LARGEST_ATTRIBUTE
 from recoil_acquisition.readers.statements import folded
 
@@ -25,11 +24,6 @@ START = frozenset(
 SCALES = {"scalefactor": "addoffset", "conversion": "offset"}
 """Names of a factor and of what is added behind it: netCDF's and HDF5 dimension scales', and NWB's."""
 LOST = frozenset({"fillvalue", "missingvalue"})
-
-
-def is_time_name(name: str) -> bool:
-    """Return whether a dataset's own name is that of a time vector, with or without a unit."""
-    return unit_in_time_name(name) is not None
 
 
 def plain_attributes(item: Any, names: Sequence[str] | None = None) -> dict[str, Any]:

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.hdf5.attributes import is_time_name, plain_attributes
+from recoil_acquisition.readers.containers.time_axis import unit_in_time_name
+from recoil_acquisition.readers.hdf5.attributes import plain_attributes
 from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, Room, column_vectors, record_vectors, vector_of
 from recoil_acquisition.readers.hdf5.walk import Hdf5ExcessError, objects_of
 from recoil_acquisition.readers.statements import folded
@@ -110,7 +111,7 @@ def contents_of(path: Path, file: Any) -> Contents:
         else:
             room.take(vector, item.id.get_storage_size())
             datasets.append(_dataset(vector, item, groups))
-    times = {d.vector.name for d in datasets if is_time_name(d.vector.name.rpartition("/")[2])}
+    times = {d.vector.name for d in datasets if unit_in_time_name(d.vector.name.rpartition("/")[2]) is not None}
     times |= {d.scale for d in datasets if d.scale}
     return Contents(groups, tuple(datasets), frozenset(times), left_out)
 
@@ -134,9 +135,7 @@ def _fields(
         units = {folded(vector.field) + ending for ending in ("unit", "units")}
         unit = next((value for key, value in said.items() if folded(key) in units), None)
         own = {} if unit is None else {"unit": unit}
-        parts = vector.name.split("/")[:-2]
-        above = [groups.get("/".join(parts[:n]), {}) for n in range(len(parts), 0, -1)]
-        found.append(Dataset(vector, own, [said, *above], None))
+        found.append(Dataset(vector, own, [said, *_above(vector.name, groups)[1:]], None))
     return found
 
 
@@ -145,14 +144,17 @@ def _columns(
 ) -> list[Dataset]:
     """Return the columns of a matrix as datasets in a group of its name, which has its attributes."""
     room.take(columns[0], item.id.get_storage_size())
-    parts, said = columns[0].name.split("/")[:-2], plain_attributes(item)
-    above = [said, *(groups.get("/".join(parts[:n]), {}) for n in range(len(parts), 0, -1))]
+    above = [plain_attributes(item), *_above(columns[0].name, groups)[1:]]
     return [Dataset(vector, {}, above, None) for vector in columns]
 
 
 def _dataset(vector: Hdf5Vector, item: Any, groups: Mapping[str, Mapping[str, Any]]) -> Dataset:
     scales = [s.name for s in item.dims[vector.axis].values() if s.name] if len(item.dims) else []
-    parts = vector.name.split("/")[:-1]
-    above = [groups.get("/".join(parts[:n]), {}) for n in range(len(parts), 0, -1)]
     scale = scales[0] if scales and scales[0] != vector.name else None
-    return Dataset(vector, plain_attributes(item), above, scale)
+    return Dataset(vector, plain_attributes(item), _above(vector.name, groups), scale)
+
+
+def _above(name: str, groups: Mapping[str, Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Return the attributes of the groups that an object is in, the nearest first."""
+    parts = name.split("/")[:-1]
+    return [groups.get("/".join(parts[:n]), {}) for n in range(len(parts), 0, -1)]

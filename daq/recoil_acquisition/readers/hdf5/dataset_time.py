@@ -9,12 +9,18 @@ from typing import Any
 
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.readers.containers.stored_time import StoredTime, rising_column, time_from_vector
-from recoil_acquisition.readers.containers.time_axis import OFFSETS, Stated, stated_rate, stated_step, unit_in_time_name
+from recoil_acquisition.readers.containers.time_axis import (
+    OFFSETS,
+    Stated,
+    one_unit,
+    stated_rate,
+    stated_step,
+    unit_in_time_name,
+)
 from recoil_acquisition.readers.hdf5 import attributes as attribute
 from recoil_acquisition.readers.hdf5.attributes import find
 from recoil_acquisition.readers.hdf5.contents import Contents, Dataset
 from recoil_acquisition.readers.statements import Statements
-from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 UNIT_OF_TIMES = "unit of the times"
@@ -135,22 +141,18 @@ class DatasetTimes:
         unit = find(time.own, attribute.UNIT)
         written, start = _since(str(unit.value).strip() if unit else "")
         stated = [written, unit_in_time_name(time.vector.name.rpartition("/")[2]) or ""]
-        units = [text for text in stated if text]
-        factors = {time_unit_s(text) for text in units}
-        if None in factors:
-            return f"the unit {units[0]!r} of {time.label} is no unit of time"
-        if len(factors) > 1:
-            return f"{time.label} states its unit as {' and as '.join(map(repr, units))}"
-        if not units:
+        factor = one_unit(time.label, stated)
+        if isinstance(factor, str):
+            return factor
+        if factor is None:
             text = f"{time.label}: no unit is stated: read as seconds"
             self._notes.append(Note(NoteCode.TIME, time.label, text))
-        factor = (factors.pop() if factors else None) or 1.0
         scaling, stored = attribute.Scaling.of(time.own), time.vector.stored()
         if doubtful := Statements(time.own, scaling.used).scaling:
             return f"{time.label} has the attribute {doubtful}, whose meaning is open"
         if scaling.zero and scaling.gain:
             stored = stored + scaling.zero / scaling.gain
-        found = time_from_vector(self._clock, stored, scaling.gain * factor, time.label, self._notes)
+        found = time_from_vector(self._clock, stored, scaling.gain * (factor or 1.0), time.label, self._notes)
         if isinstance(found, str) or start is None:
             return found
         return replace(found, time_base=found.time_base.shifted(0.0, start))

@@ -41,7 +41,14 @@ from recoil_acquisition.readers.containers.stored_time import (
     time_from_datenum,
     time_from_stamps,
 )
-from recoil_acquisition.readers.containers.time_axis import STEPS, Stated, stated_rate, stated_step, unit_in_time_name
+from recoil_acquisition.readers.containers.time_axis import (
+    STEPS,
+    Stated,
+    one_unit,
+    stated_rate,
+    stated_step,
+    unit_in_time_name,
+)
 from recoil_acquisition.readers.hdf5.vector import Room, hdf5_file, vector_of
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.mat.v4 import is_mat_v4, read_mat_v4
@@ -57,7 +64,6 @@ from recoil_acquisition.readers.mat.variable import (
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.statements import Statements, folded
-from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 T = TypeVar("T")
@@ -186,14 +192,7 @@ def unit_of_time(time: str, texts: Mapping[str, str]) -> float | str | None:
     """
     wanted = {folded(time) + ending for ending in ("unit", "units")} | {"timeunit", "timeunits", "xunit", "xunits"}
     beside = [text for name, text in texts.items() if folded(name) in wanted]
-    units = [unit.strip() for unit in (unit_in_time_name(time) or "", *beside) if unit.strip()]
-    factors = {time_unit_s(unit) for unit in units}
-    if None in factors:
-        unknown = next(unit for unit in units if time_unit_s(unit) is None)
-        return f"{time} is in {unknown!r}, which is no unit of time that is known"
-    if len(factors) > 1:
-        return f"{time} states its unit as {' and as '.join(map(repr, units))}"
-    return factors.pop() if factors else None
+    return one_unit(time, (unit_in_time_name(time) or "", *beside))
 
 
 def one_step(scalars: Mapping[str, float], texts: Mapping[str, str]) -> tuple[str, float] | str | None:

@@ -10,6 +10,7 @@ steps are found, listed and taken out (`recoil_acquisition.clocks.clock_fit`).
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ from recoil_acquisition.frames.count_cycle import CountCycle, find_cycle
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.field import Field
 from recoil_acquisition.frames.frame_set import FrameSet
-from recoil_acquisition.frames.framing import Framing, PacketCounter
+from recoil_acquisition.frames.framing import DeviceTime, Framing, PacketCounter
 from recoil_acquisition.frames.ready_made import xsens_precision
 from recoil_acquisition.frames.scan import PortStream, find_frames_of_port
 from recoil_acquisition.frames.values import FieldSeries, decode_fields, unwrap
@@ -50,6 +51,7 @@ _LOSSES = {
     "unknown_types": "frames are of no declared type",
     "timed_out": "silences ended a half frame",
 }
+_COMPARE = "compare `framing` with the device's manual"
 _MORE_THAN_CARRIED = 1.05
 """Bytes of a capture over those that its line carries, from which on the declared rate is not the line's."""
 _LOOKED_AT = 200
@@ -130,11 +132,11 @@ def without_steps(
     return instants - instants[0], fit
 
 
-def open_port(path: Path, source: CapturedSource, declared: Declarations) -> SerialRecording:
+def open_port(path: Path, source: CapturedSource, declared: Declarations) -> Recording:
     """Open the port of a capture; raises `ReadError` if nothing dates the frames, or as `declared_framing`."""
     framing = declared_framing(declared, path)
     port = PortStream.of_reads(_reads(source), incomplete=source.incomplete)
-    return SerialRecording(path, "recoil-daq capture", port, framing, declared.clock)
+    return serial_recording(path, "recoil-daq capture", port, framing, declared.clock)
 
 
 def declared_framing(declared: Declarations, path: Path) -> Framing:
@@ -170,52 +172,87 @@ def _reads(source: CapturedSource) -> Iterator[tuple[int, bytes | None]]:
             yield host_ns, record.payload
 
 
-class SerialRecording(Recording):
-    """One opened capture."""
+def serial_recording(path: Path, reader: str, capture: PortStream, framing: Framing, clock: str) -> Recording:
+    """Return the recording of what a port delivered.
 
-    def __init__(self, path: Path, reader: str, capture: PortStream, framing: Framing, clock: str) -> None:
-        self.path = path
-        if framing.kind == "idle" and not capture.host_ns.size:
-            raise ReadError(
-                "frames that end by silence cannot be separated without host times",
-                path=path,
-                expected="a capture with the host's time of each read",
-                remedy="record it as a capture, or declare a `framing` of another kind",
-            )
-        frames = find_frames_of_port(framing, capture)
-        counters = frames.counters.as_dict()
-        if not frames.begins.size:
-            held = look_into(capture.stream)
-            raise CorruptFileError(
-                "not one frame fits the declared framing",
-                path=path,
-                found=held.found or _counted(counters),
-                remedy=f"declare {held.framings[0].advice}"
-                if held.framings
-                else "compare `framing` with the device's manual",
-            )
-        series = decode_fields(framing, frames)
-        notes = _losses(capture, counters)
-        self.metadata: dict[str, Any] = {**counters, "bytes": len(capture.stream), "reads": int(capture.host_ns.size)}
-        self.metadata["skipped_at_ends"] = min(
+    Parameters
+    ----------
+    path
+        File it is from.
+    reader
+        Name of its reader.
+    capture
+        Bytes of the port, and when they were read.
+    framing
+        Framing of its bytes.
+    clock
+        Clock of the recording.
+
+    Raises
+    ------
+    ReadError
+        If nothing dates the frames, or nothing separates them.
+    CorruptFileError
+        If not one frame, or field, can be read.
+    """
+    if framing.kind == "idle" and not capture.host_ns.size:
+        raise ReadError(
+            "frames that end by silence cannot be separated without host times",
+            path=path,
+            expected="a capture with the host's time of each read",
+            remedy="record it as a capture, or declare a `framing` of another kind",
+        )
+    frames = find_frames_of_port(framing, capture)
+    if not frames.begins.size:
+        held = look_into(capture.stream)
+        advised = f"declare {held.framings[0].advice}" if held.framings else _COMPARE
+        found = held.found or _counted(asdict(frames.counters))
+        raise CorruptFileError("not one frame fits the declared framing", path=path, found=found, remedy=advised)
+    return _Port(path, capture, framing, frames).recording(reader, clock)
+
+
+class _Port:
+    """The frames of a port as they are read.
+
+    Parameters
+    ----------
+    path
+        File they are from.
+    capture
+        Bytes of the port, and when they were read.
+    framing
+        Framing of its bytes.
+    frames
+        Frames in them, at least one.
+    """
+
+    def __init__(self, path: Path, capture: PortStream, framing: Framing, frames: FrameSet) -> None:
+        self._path, self._capture, self._framing, self._frames = path, capture, framing, frames
+        self._series = decode_fields(framing, frames)
+        self._by_reads = bool(framing.device_time is None and framing.baudrate and capture.host_ns.size)
+        self._notes: list[Remark] = []
+        self._metadata: dict[str, Any] = {}
+
+    def recording(self, reader: str, clock: str) -> Recording:
+        """Return the recording, read under a name, on a clock."""
+        capture, frames, notes = self._capture, self._frames, self._notes
+        counters = asdict(frames.counters)
+        self._note_losses(counters)
+        self._metadata |= {**counters, "bytes": len(capture.stream), "reads": int(capture.host_ns.size)}
+        self._metadata["skipped_at_ends"] = min(
             int(frames.ends[0] - frames.lengths[0]) + len(capture.stream) - int(frames.ends[-1]),
             counters["skipped_bytes"],
         )
-        times_s = self._instants(framing, capture, frames, series, notes)
-        self._count_gaps(framing, series, times_s, notes)
-        by_reads = framing.device_time is None and framing.baudrate and capture.host_ns.size
-        start = _host_start(capture) if by_reads else None
-        absent = {
-            name: _why_absent(found.field, framing, frames) for name, found in series.items() if not found.frames.size
-        }
-        by_reason: dict[str, list[str]] = {}
-        for name, reason in absent.items():
-            by_reason.setdefault(reason, []).append(name)
-        for reason, names in by_reason.items():
+        times_s = self._instants()
+        self._count_gaps(times_s)
+        start = _host_start(capture) if self._by_reads else None
+        absent = {name: self._why_absent(found.field) for name, found in self._series.items() if not found.frames.size}
+        for reason in dict.fromkeys(absent.values()):
+            names = [name for name, why in absent.items() if why == reason]
             about = names[0] if len(names) == 1 else None
             notes.append(Note(NoteCode.LEFT_OUT, about, f"{', '.join(names)}: {reason}: not a signal"))
         channels = []
-        for name, found in series.items():
+        for name, found in self._series.items():
             if name in absent:
                 continue
             kept = increasing(times_s[found.frames])
@@ -236,132 +273,201 @@ class SerialRecording(Recording):
                 )
             )
         if not channels:
-            raise CorruptFileError(
-                "no frame holds a declared field",
-                path=path,
-                found=next(iter(absent.values()), _counted(counters)),
-                remedy="compare `framing` with the device's manual",
-            )
-        super().__init__(
-            path, reader, channels, metadata=self.metadata, notes=notes,
+            why = next(iter(absent.values()), _counted(counters))
+            raise CorruptFileError("no frame holds a declared field", path=self._path, found=why, remedy=_COMPARE)
+        return Recording(
+            self._path, reader, channels, metadata=self._metadata, notes=notes,
             incomplete=capture.incomplete, absolute_start=start,
-            check_name=partial(_refuse_absent, absent, path),
+            check_name=partial(_refuse_absent, absent, self._path),
         )  # fmt: skip
 
-    def _count_gaps(
-        self, framing: Framing, series: dict[str, FieldSeries], times_s: NDArray[np.float64], notes: list[Remark]
-    ) -> None:
-        if framing.counter is None:
-            text = "the framing declares no packet counter: missing frames cannot be seen"
-            notes.append(Note(NoteCode.UNSEEN, None, text))
+    def _note(self, code: NoteCode, text: str, about: str | None = None) -> None:
+        self._notes.append(Note(code, about, text))
+
+    def _note_losses(self, counters: dict[str, int]) -> None:
+        """Say what of the stream became no sample."""
+        if self._capture.incomplete:
+            self._note(NoteCode.CUT, self._capture.incomplete)
+        for key, what in _LOSSES.items():
+            if counters[key]:
+                self._note(NoteCode.LOST, f"{counters[key]} {what}")
+        if counters["skipped_bytes"]:
+            of = len(self._capture.stream)
+            self._note(NoteCode.LOST, f"{counters['skipped_bytes']} of {of} bytes belong to no good frame")
+
+    def _count_gaps(self, times_s: NDArray[np.float64]) -> None:
+        declared = self._framing.counter
+        if declared is None:
+            self._note(NoteCode.UNSEEN, "the framing declares no packet counter: missing frames cannot be seen")
             return
-        counter = series[framing.counter.field]
+        counter = self._series[declared.field]
         counts = counter.raw.astype(np.int64)
-        found = find_gaps(counts, times_s[counter.frames], framing.counter.modulo, framing.counter.step)
-        self.metadata |= gaps_as_json([found])
+        found = find_gaps(counts, times_s[counter.frames], declared.modulo, declared.step)
+        self._metadata |= gaps_as_json([found])
         if found.places:
             text = f"the packet counter has {found.places} gaps: {found.missing} frames are missing"
-            notes.append(Note(NoteCode.LOST, framing.counter.field, text))
-        other = _other_cycle(framing.counter, counts)
+            self._note(NoteCode.LOST, text, declared.field)
+        other = _other_cycle(declared, counts)
         if other is not None:
             text = f"the packet counter counts otherwise than declared: {_told_cycle(other)}"
-            notes.append(Caution(CautionCode.OTHER_COUNT, framing.counter.field, text))
+            self._notes.append(Caution(CautionCode.OTHER_COUNT, declared.field, text))
 
-    def _instants(
-        self,
-        framing: Framing,
-        capture: PortStream,
-        frames: FrameSet,
-        series: dict[str, FieldSeries],
-        notes: list[Remark],
-    ) -> NDArray[np.float64]:
+    def _instants(self) -> NDArray[np.float64]:
         """Instant of every frame in seconds, NaN where it has none."""
-        by_reads = bool(capture.host_ns.size and framing.baudrate)
-        self.metadata["dated_by"] = "device" if framing.device_time is not None else "host" if by_reads else "rate"
-        if framing.device_time is not None:
-            return self._device_instants(framing, capture, frames, series, notes)
-        if by_reads:
-            _refuse_set_back(capture, self.path)
-            return _host_instants(framing, capture, frames, series, notes)
-        if framing.rate_hz:
-            return self._counted_instants(framing, frames, series, notes)
+        clock = self._framing.device_time
+        self._metadata["dated_by"] = "device" if clock is not None else "host" if self._by_reads else "rate"
+        if clock is not None:
+            return self._device_instants(clock)
+        if self._by_reads:
+            return self._host_instants()
+        if self._framing.rate_hz:
+            return self._counted_instants()
         raise ReadError(
             "nothing dates the frames",
-            path=self.path,
+            path=self._path,
             expected="a device clock, host times with a baud rate, or a rate",
             remedy="declare `device_time`, `baudrate` or `rate_hz` in `framing`",
         )
 
-    def _device_instants(
-        self,
-        framing: Framing,
-        capture: PortStream,
-        frames: FrameSet,
-        series: dict[str, FieldSeries],
-        notes: list[Remark],
-    ) -> NDArray[np.float64]:
-        clock = framing.device_time
-        times_s = np.full(frames.begins.size, np.nan)
-        if clock is None or not series[clock.field].raw.size:
+    def _device_instants(self, clock: DeviceTime) -> NDArray[np.float64]:
+        capture, frames, ticks = self._capture, self._frames, self._series[clock.field]
+        if not ticks.raw.size:
             raise CorruptFileError(
                 "no frame holds the device's time",
-                path=self.path,
+                path=self._path,
                 remedy="compare `device_time` in `framing` with the device's manual",
             )
-        ticks = series[clock.field]
         ticks_s = unwrap(ticks.raw, clock.modulo) * clock.tick_s
-        counts = _counts_of(framing, series, ticks.frames)
-        self.metadata["device_time_of_first_frame_s"] = float(ticks.raw[0]) * clock.tick_s
+        counts = self._counts_of(ticks.frames)
+        self._metadata["device_time_of_first_frame_s"] = float(ticks.raw[0]) * clock.tick_s
         if capture.host_ns.size:
-            host_s = back_dated(capture.host_ns, capture.ends, frames.ends[ticks.frames], framing.byte_s)
+            host_s = back_dated(capture.host_ns, capture.ends, frames.ends[ticks.frames], self._framing.byte_s)
             ticks_s, fit = without_steps(ticks_s, host_s, int(capture.host_ns[0]), counts)
-            self.metadata["clock_fit"] = None if fit is None else fit.to_json()
-            notes += [] if fit is None else notes_of_clock(fit, "device")
+            self._metadata["clock_fit"] = None if fit is None else fit.to_json()
+            self._notes += [] if fit is None else notes_of_clock(fit, "device")
             start = _host_start(capture)
-            self.metadata["host_start"] = None if start is None else start.text + "Z"
+            self._metadata["host_start"] = None if start is None else start.text + "Z"
         elif counts is not None:
-            notes += notes_of_jumps(ticks_s, counts)
+            self._notes += notes_of_jumps(ticks_s, counts)
         backwards = int((np.diff(ticks_s) <= 0).sum())
         if backwards:
-            text = f"the device's clock stood still or stepped back {backwards} times"
-            notes.append(Note(NoteCode.TIME, None, text))
+            self._note(NoteCode.TIME, f"the device's clock stood still or stepped back {backwards} times")
+        times_s = np.full(frames.begins.size, np.nan)
         times_s[ticks.frames] = ticks_s
         return times_s
 
-    def _counted_instants(
-        self, framing: Framing, frames: FrameSet, series: dict[str, FieldSeries], notes: list[Remark]
-    ) -> NDArray[np.float64]:
+    def _counted_instants(self) -> NDArray[np.float64]:
         """Date frames by their packet counter, or their number where they have none, at the declared rate."""
-        text = f"samples are dated by the declared rate of {framing.rate_hz:g} Hz"
-        notes.append(Note(NoteCode.TIME, None, text))
-        if framing.counter is None:
-            return np.arange(frames.begins.size) / framing.rate_hz
-        counts = series[framing.counter.field]
-        other = _other_cycle(framing.counter, counts.raw.astype(np.int64))
+        rate_hz, counter, count = self._framing.rate_hz, self._framing.counter, self._frames.begins.size
+        self._note(NoteCode.TIME, f"samples are dated by the declared rate of {rate_hz:g} Hz")
+        if counter is None:
+            return np.arange(count) / rate_hz
+        counts = self._series[counter.field]
+        other = _other_cycle(counter, counts.raw.astype(np.int64))
         if other is not None:
             raise ReadError(
                 "the packet counter counts otherwise than declared, and frames are dated by it",
-                path=self.path,
-                expected=f"modulo {framing.counter.modulo}, step {framing.counter.step}",
+                path=self._path,
+                expected=f"modulo {counter.modulo}, step {counter.step}",
                 found=_told_cycle(other),
                 remedy="correct `modulo` or `step` of `counter` in `framing`",
             )
-        times_s = np.full(frames.begins.size, np.nan)
-        numbers = unwrap(counts.raw.astype(np.int64), framing.counter.modulo)
+        times_s = np.full(count, np.nan)
+        numbers = unwrap(counts.raw.astype(np.int64), counter.modulo)
         single = single_ahead(numbers)
         back = np.flatnonzero(np.diff(numbers[~single]) < 0)
         if back.size:
             at = int(np.flatnonzero(~single)[back[0] + 1])
             raise ReadError(
                 "the packet counter goes back, and frames are dated by it",
-                path=self.path,
+                path=self._path,
                 place=f"frame {int(counts.frames[at]) + 1}",
                 expected="a count beyond the one before: the device began anew there, or more is missing than it shows",
                 found=f"{counts.raw[at]} behind {counts.raw[at - 1]}",
                 remedy="take the recordings apart there, or record with the host's times of the reads",
             )
-        times_s[counts.frames] = numbers / framing.counter.step / framing.rate_hz
+        times_s[counts.frames] = numbers / counter.step / rate_hz
         return times_s
+
+    def _host_instants(self) -> NDArray[np.float64]:
+        """Date frames back from the host's reads, or by their counter where those are late."""
+        capture, frames = self._capture, self._frames
+        _refuse_set_back(capture, self._path)
+        byte_s = self._line_byte_s()
+        times_s = back_dated(capture.host_ns, capture.ends, frames.ends, byte_s)
+        known = np.flatnonzero(np.isfinite(times_s))
+        # a line carries one byte after the other: what came behind a frame says when it ended at the latest
+        behind_s = byte_s * frames.ends[known]
+        times_s[known] = np.minimum.accumulate((times_s[known] - behind_s)[::-1])[::-1] + behind_s
+        bursts = find_bursts(times_s[known])
+        beat = self._beat(known, times_s[known], bursts)
+        if beat is not None and beat.late:
+            why = bursts or f"the host's reads are late by up to {1e3 * beat.latest_s:.3g} ms"
+            self._note(NoteCode.TIME, f"{why}: samples are dated by the frames' counter instead")
+            times_s[known] = beat.times_s
+            return times_s
+        late = late_stamps(times_s[known])
+        if late is None:
+            text = "samples are dated by the host's reads: their instants are uncertain by its delay"
+            self._note(NoteCode.TIME, text)
+            return times_s
+        why = "declare the frames' `counter` in `framing`"
+        if self._framing.counter is not None:
+            why = f"{self._framing.counter.field} does not count frames of an even beat"
+        text = f"{late.text}: samples are dated late by up to {1e3 * late.most_s:.3g} ms; {why}"
+        self._notes.append(Caution(CautionCode.LATE_STAMPS, None, text))
+        return times_s
+
+    def _line_byte_s(self) -> float:
+        """Return the time of a byte on the line, by what the capture holds where that is more than the line carries."""
+        ends, host_ns, byte_s = self._capture.ends, self._capture.host_ns, self._framing.byte_s
+        read, span_s = int(ends[-1] - ends[0]), float(host_ns[-1] - host_ns[0]) / 1e9
+        if read * byte_s <= _MORE_THAN_CARRIED * span_s or span_s <= 0:
+            return byte_s
+        text = (
+            f"{read} bytes came in {span_s:.6g} s, more than a line of the declared {self._framing.baudrate:g} baud"
+            " carries: frames are dated back by the rate at which they came"
+        )
+        self._notes.append(Caution(CautionCode.LATE_STAMPS, None, text))
+        return span_s / read
+
+    def _beat(
+        self, wanted: NDArray[np.int64], times_s: NDArray[np.float64], bursts: Bursts | None
+    ) -> CountedBeat | None:
+        """Return the even beat of some frames by their counter."""
+        counter = self._framing.counter
+        if counter is None:
+            return None
+        own = self._series[counter.field]
+        held = np.isin(wanted, own.frames)
+        counts = np.zeros(wanted.size, dtype=np.int64)
+        counts[held] = own.raw[np.isin(own.frames, wanted)].astype(np.int64)
+        numbers = frame_numbers(counts, held, CountCycle(counter.modulo, counter.step))
+        return None if numbers is None else counted_beat(numbers, times_s, bursts)
+
+    def _counts_of(self, wanted: NDArray[np.int64]) -> NDArray[np.int64] | None:
+        """Return the unwrapped packet counter of some frames; None if not every one of them holds it."""
+        counter = None if self._framing.counter is None else self._series[self._framing.counter.field]
+        if self._framing.counter is None or counter is None or not np.isin(wanted, counter.frames).all():
+            return None
+        counts: NDArray[np.int64] = unwrap(counter.raw.astype(np.int64), self._framing.counter.modulo)
+        return counts[np.searchsorted(counter.frames, wanted)]
+
+    def _why_absent(self, field: Field) -> str:
+        """Say why not one frame holds a field: of elements, which ones the first frames have."""
+        framing, frames = self._framing, self._frames
+        elements = next((one.elements for one in framing.types if field in one.fields), None)
+        if elements is None or field.element is None:
+            return "no frame holds it"
+        present: set[int] = set()
+        for i in range(min(frames.begins.size, _LOOKED_AT)):
+            frame = frames.frame(i)
+            present |= {found for found, _, _ in elements.places(frame, elements.start, len(frame) - framing.trailer)}
+        precision = xsens_precision(framing.sync, field.element, present)
+        if precision:
+            return f'no frame holds element {field.element:#06x}; the file\'s are those of `precision = "{precision}"`'
+        shown = ", ".join(f"{one:#06x}" for one in sorted(present)[:12])
+        return f"no frame holds element {field.element:#06x}, but {shown or 'none at all'}"
 
 
 def _other_cycle(counter: PacketCounter, counts: NDArray[np.int64]) -> CountCycle | None:
@@ -404,36 +510,6 @@ def _raw(series: FieldSeries, kept: NDArray[np.bool_], start: int, stop: int) ->
     return RawCounts(series.raw[kept][start:stop], series.field.scale, series.field.offset, series.field.unit)
 
 
-def _host_instants(
-    framing: Framing, capture: PortStream, frames: FrameSet, series: dict[str, FieldSeries], notes: list[Remark]
-) -> NDArray[np.float64]:
-    """Date frames back from the host's reads, or by their counter where those are late."""
-    byte_s = _line_byte_s(framing, capture, notes)
-    times_s = back_dated(capture.host_ns, capture.ends, frames.ends, byte_s)
-    known = np.flatnonzero(np.isfinite(times_s))
-    # a line carries one byte after the other: what came behind a frame says when it ended at the latest
-    behind_s = byte_s * frames.ends[known]
-    times_s[known] = np.minimum.accumulate((times_s[known] - behind_s)[::-1])[::-1] + behind_s
-    bursts = find_bursts(times_s[known])
-    beat = None if framing.counter is None else _beat(framing.counter, series, known, times_s[known], bursts)
-    if beat is not None and beat.late:
-        why = bursts or f"the host's reads are late by up to {1e3 * beat.latest_s:.3g} ms"
-        notes.append(Note(NoteCode.TIME, None, f"{why}: samples are dated by the frames' counter instead"))
-        times_s[known] = beat.times_s
-        return times_s
-    late = late_stamps(times_s[known])
-    if late is None:
-        text = "samples are dated by the host's reads: their instants are uncertain by its delay"
-        notes.append(Note(NoteCode.TIME, None, text))
-        return times_s
-    why = "declare the frames' `counter` in `framing`"
-    if framing.counter is not None:
-        why = f"{framing.counter.field} does not count frames of an even beat"
-    text = f"{late.text}: samples are dated late by up to {1e3 * late.most_s:.3g} ms; {why}"
-    notes.append(Caution(CautionCode.LATE_STAMPS, None, text))
-    return times_s
-
-
 def _refuse_set_back(capture: PortStream, path: Path) -> None:
     """Refuse reads whose host times go back: of a clock that was set nobody knows when the frames came."""
     back = np.flatnonzero(np.diff(capture.host_ns) < 0)
@@ -449,74 +525,8 @@ def _refuse_set_back(capture: PortStream, path: Path) -> None:
         )
 
 
-def _line_byte_s(framing: Framing, capture: PortStream, notes: list[Remark]) -> float:
-    """Return the time of a byte on the line, by what the capture holds where that is more than the line carries."""
-    read, span_s = int(capture.ends[-1] - capture.ends[0]), float(capture.host_ns[-1] - capture.host_ns[0]) / 1e9
-    if read * framing.byte_s <= _MORE_THAN_CARRIED * span_s or span_s <= 0:
-        return framing.byte_s
-    text = (
-        f"{read} bytes came in {span_s:.6g} s, more than a line of the declared {framing.baudrate:g} baud carries:"
-        " frames are dated back by the rate at which they came"
-    )
-    notes.append(Caution(CautionCode.LATE_STAMPS, None, text))
-    return span_s / read
-
-
-def _beat(
-    counter: PacketCounter,
-    series: dict[str, FieldSeries],
-    wanted: NDArray[np.int64],
-    times_s: NDArray[np.float64],
-    bursts: Bursts | None,
-) -> CountedBeat | None:
-    """Return the even beat of some frames by their counter."""
-    own = series[counter.field]
-    held = np.isin(wanted, own.frames)
-    counts = np.zeros(wanted.size, dtype=np.int64)
-    counts[held] = own.raw[np.isin(own.frames, wanted)].astype(np.int64)
-    numbers = frame_numbers(counts, held, CountCycle(counter.modulo, counter.step))
-    return None if numbers is None else counted_beat(numbers, times_s, bursts)
-
-
-def _counts_of(framing: Framing, series: dict[str, FieldSeries], wanted: NDArray[np.int64]) -> NDArray[np.int64] | None:
-    """Return the unwrapped packet counter of some frames; None if not every one of them holds it."""
-    if framing.counter is None:
-        return None
-    counter = series[framing.counter.field]
-    if not np.isin(wanted, counter.frames).all():
-        return None
-    counts: NDArray[np.int64] = unwrap(counter.raw.astype(np.int64), framing.counter.modulo)
-    return counts[np.searchsorted(counter.frames, wanted)]
-
-
-def _why_absent(field: Field, framing: Framing, frames: FrameSet) -> str:
-    """Say why not one frame holds a field: of elements, which ones the first frames have."""
-    elements = next((one.elements for one in framing.types if field in one.fields), None)
-    if elements is None or field.element is None:
-        return "no frame holds it"
-    present: set[int] = set()
-    for i in range(min(frames.begins.size, _LOOKED_AT)):
-        frame = frames.frame(i)
-        present |= {found for found, _, _ in elements.places(frame, elements.start, len(frame) - framing.trailer)}
-    precision = xsens_precision(framing.sync, field.element, present)
-    if precision:
-        return f'no frame holds element {field.element:#06x}; the file\'s are those of `precision = "{precision}"`'
-    shown = ", ".join(f"{one:#06x}" for one in sorted(present)[:12])
-    return f"no frame holds element {field.element:#06x}, but {shown or 'none at all'}"
-
-
 def _counted(counters: dict[str, int]) -> str:
     return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counters.items() if count) or "nothing"
-
-
-def _losses(capture: PortStream, counters: dict[str, int]) -> list[Remark]:
-    """Say what of the stream became no sample."""
-    notes: list[Remark] = [Note(NoteCode.CUT, None, capture.incomplete)] if capture.incomplete else []
-    notes += [Note(NoteCode.LOST, None, f"{counters[key]} {what}") for key, what in _LOSSES.items() if counters[key]]
-    if counters["skipped_bytes"]:
-        text = f"{counters['skipped_bytes']} of {len(capture.stream)} bytes belong to no good frame"
-        notes.append(Note(NoteCode.LOST, None, text))
-    return notes
 
 
 def _host_start(capture: PortStream) -> AbsoluteStart | None:

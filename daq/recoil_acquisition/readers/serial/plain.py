@@ -6,9 +6,9 @@ from pathlib import Path
 
 from recoil_acquisition.errors import ReadError, system_errors_as
 from recoil_acquisition.frames.scan import PortStream
-from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.serial.captured_port import SerialRecording, declared_framing
+from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.serial.captured_port import declared_framing, serial_recording
 
 
 class SerialBytesReader:
@@ -16,12 +16,7 @@ class SerialBytesReader:
 
     name = "serial bytes"
 
-    def claims(self, head: Head) -> Claim:
-        """Claim nothing: any file is bytes."""
-        del head
-        return Claim.NO
-
-    def open(self, path: Path, declared: Declarations) -> SerialRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a plain file of bytes.
 
         Raises
@@ -34,4 +29,4 @@ class SerialBytesReader:
         framing = declared_framing(declared, path)
         with system_errors_as(ReadError, path, "read"):
             port = PortStream.plain(path.read_bytes())
-        return SerialRecording(path, self.name, port, framing, declared.clock)
+        return serial_recording(path, self.name, port, framing, declared.clock)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.readers.row_counter import whole
 from recoil_acquisition.readers.text.cells import split_unit
 from recoil_acquisition.readers.time.time_units import time_unit_s
 
@@ -237,11 +238,6 @@ def columns_from_numbers(values: NDArray[np.float64]) -> tuple[Column, ...]:
 def increasing_whole(numbers: NDArray[np.float64]) -> bool:
     """Return whether numbers are whole, below 2**53 and increase strictly."""
     return bool(whole(numbers).all() and (np.diff(numbers) > 0).all())
-
-
-def whole(numbers: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which numbers are whole and below 2**53, shape as given."""
-    return np.asarray(np.isfinite(numbers) & (numbers == np.round(numbers)) & (np.abs(numbers) < 2.0**53))
 
 
 def _steady(numbers: NDArray[np.float64], frames: NDArray[np.float64] | None) -> bool:

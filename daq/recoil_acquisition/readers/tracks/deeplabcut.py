@@ -23,7 +23,7 @@ from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.tracks.block import read_headed_text
 from recoil_acquisition.readers.tracks.columns import Column, without_text
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
-from recoil_acquisition.readers.tracks.layout import signature
+from recoil_acquisition.readers.tracks.layout import first_cells
 from recoil_acquisition.readers.tracks.recording import TrackTable, track_recording
 
 _LEVELS = (("scorer", "bodyparts", "coords"), ("scorer", "individuals", "bodyparts", "coords"))
@@ -37,8 +37,8 @@ class DeepLabCutReader:
 
     def claims(self, head: Head) -> Claim:
         """Be certain of a first cell ``scorer``, and of an HDF5 file that names the software's table."""
-        is_own = b"df_with_missing" in head.content or signature(head.lines[:4]) == "deeplabcut"
-        return Claim.CERTAIN if is_own else Claim.NO
+        is_text = any(cells[0].casefold() == "scorer" for cells in first_cells(head))
+        return Claim.CERTAIN if is_text or b"df_with_missing" in head.content else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a table.

@@ -20,7 +20,7 @@ from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.tracks.block import read_headed_text
 from recoil_acquisition.readers.tracks.columns import Column, without_text
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
-from recoil_acquisition.readers.tracks.layout import POINT_COLUMN, signature
+from recoil_acquisition.readers.tracks.layout import POINT_COLUMN, first_cells
 from recoil_acquisition.readers.tracks.recording import TrackTable, track_recording
 from recoil_acquisition.remark import Note, NoteCode
 
@@ -34,7 +34,8 @@ class DltdvReader:
 
     def claims(self, head: Head) -> Claim:
         """Be certain where every heading names a point and a camera."""
-        return Claim.CERTAIN if signature(head.lines[:1]) == "dltdv" else Claim.NO
+        is_own = any(all(map(POINT_COLUMN.fullmatch, cells)) for cells in first_cells(head))
+        return Claim.CERTAIN if is_own else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a file of points.

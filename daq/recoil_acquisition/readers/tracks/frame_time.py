@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, NoFrameRateError, ReadError
+from recoil_acquisition.readers.row_counter import whole
 from recoil_acquisition.readers.text.text_table import TextBlock, printed_decimals
 from recoil_acquisition.readers.time.printed_time import SLACK_S, start_agreeing, uniform_from_printed
 from recoil_acquisition.readers.time.time_units import MOST_S, TIME_UNITS_S
-from recoil_acquisition.readers.tracks.columns import Column, increasing_whole, whole
+from recoil_acquisition.readers.tracks.columns import Column, increasing_whole
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 MOST_FRAMES = 1e12

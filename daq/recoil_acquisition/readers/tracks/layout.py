@@ -26,7 +26,7 @@ DLTdv and Argus name every column after point and camera (``pt1_cam1_X``, ``Trac
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field
@@ -34,6 +34,7 @@ from pydantic import AfterValidator, BeforeValidator, Field
 from recoil_acquisition.declaration import DeclaredTable
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath
 from recoil_acquisition.quantity import find_unit
+from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.text.cells import SEPARATORS, is_number, split_cells
 from recoil_acquisition.readers.text_file import LongText, TextFile, one_line_end
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
@@ -108,30 +109,9 @@ def tracker_header(lines: Sequence[str]) -> tuple[int, str] | None:
     return None
 
 
-def signature(lines: Sequence[str]) -> str:
-    """Return the format of a text of tracks.
-
-    Parameters
-    ----------
-    lines
-        First lines of the file.
-
-    Returns
-    -------
-    str
-        Name of the format: ``deeplabcut``, ``dltdv``, ``sleap`` or ``tracker``; empty if it is none of these.
-    """
-    for separator in SEPARATORS:
-        cells = split_cells(lines[0], separator) if lines else []
-        if len(cells) < 2:
-            continue
-        if cells[0].casefold() == "scorer":
-            return "deeplabcut"
-        if all(POINT_COLUMN.fullmatch(cell) for cell in cells):
-            return "dltdv"
-        if "frame_idx" in cells and any(cell.endswith(".x") for cell in cells):
-            return "sleap"
-    return "tracker" if tracker_header(lines) else ""
+def first_cells(head: Head) -> Iterator[list[str]]:
+    """Yield the cells of a file's first line, by each separator that parts it."""
+    return (cells for separator in SEPARATORS if len(cells := split_cells(head.lines[0], separator)) > 1)
 
 
 def _separator(value: str) -> str:

@@ -18,13 +18,14 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.row_counter import whole
 from recoil_acquisition.readers.text.recording import about_text_columns
 from recoil_acquisition.readers.text.rows import iter_rows
 from recoil_acquisition.readers.text.text_table import TextBlock
 from recoil_acquisition.readers.tracks.block import read_headed_text
-from recoil_acquisition.readers.tracks.columns import Column, whole
+from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
-from recoil_acquisition.readers.tracks.layout import signature
+from recoil_acquisition.readers.tracks.layout import first_cells
 from recoil_acquisition.readers.tracks.recording import TrackTable, track_recording
 
 MOST_TRACKS = 256
@@ -45,7 +46,8 @@ class SleapTextReader:
 
     def claims(self, head: Head) -> Claim:
         """Be certain of headings with a frame index and a node's coordinate."""
-        return Claim.CERTAIN if signature(head.lines[:1]) == "sleap" else Claim.NO
+        named = any("frame_idx" in cells and any(c.endswith(".x") for c in cells) for cells in first_cells(head))
+        return Claim.CERTAIN if named else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a table.

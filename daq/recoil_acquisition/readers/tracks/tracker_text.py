@@ -25,7 +25,7 @@ from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text_file import LongText, Text
 from recoil_acquisition.readers.tracks.columns import AXES, LOST_MARKERS, Column, without_text
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
-from recoil_acquisition.readers.tracks.layout import signature, spread, spread_text, tracker_header
+from recoil_acquisition.readers.tracks.layout import spread, spread_text, tracker_header
 from recoil_acquisition.readers.tracks.recording import TrackTable, track_recording
 
 HEAD_ROWS = 9
@@ -39,7 +39,7 @@ class TrackerTextReader:
 
     def claims(self, head: Head) -> Claim:
         """Be certain of a row of names over a row of variables that begins with the time."""
-        return Claim.CERTAIN if signature(head.lines[:8]) == "tracker" else Claim.NO
+        return Claim.CERTAIN if tracker_header(head.lines[:8]) else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> Recording:
         """Open an export.

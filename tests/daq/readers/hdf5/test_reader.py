@@ -234,7 +234,7 @@ def test_an_offset_is_in_the_unit_that_is_stated(tmp_path: Path) -> None:
     [
         ({"sample_rate": 20.0, "sample_rate_unit": "rpm"}, "its sample_rate is in 'rpm', which is no unit of a rate"),
         ({"dt": "2 turns"}, "its dt is in 'turns', which is no unit of time"),
-        ({"fs_kHz": 20.0, "fs_kHz_unit": "Hz"}, "its fs_kHz is stated in 'kHz' and in 'Hz'"),
+        ({"fs_kHz": 20.0, "fs_kHz_unit": "Hz"}, "its fs_kHz states its unit as 'kHz' and as 'Hz'"),
         ({"rate": 100.0, "t0": 1.0, "t0_unit": "V"}, "its t0 is in 'V'"),
     ],
 )
@@ -265,6 +265,15 @@ def test_a_unit_that_the_name_of_a_time_contradicts_is_refused(tmp_path: Path) -
         file.create_dataset("a", data=ramp())
 
     with pytest.raises(ReadError, match="time_ms states its unit as 's' and as 'ms'"):
+        opened(tmp_path, fill)
+
+
+def test_of_several_units_of_a_time_the_one_that_is_none_is_named(tmp_path: Path) -> None:
+    def fill(file: Any) -> None:
+        file.create_dataset("time (turns)", data=np.arange(12.0)).attrs["units"] = "s"
+        file.create_dataset("a", data=ramp())
+
+    with pytest.raises(ReadError, match=r"time \(turns\) is in 'turns', which is no unit of time"):
         opened(tmp_path, fill)
 
 

@@ -18,7 +18,8 @@ from recoil_acquisition.readers.captured import sources_of
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.rdlog import CaptureReader
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.serial.captured_port import SerialRecording, _reads, back_dated, without_steps
+from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.serial.captured_port import _reads, back_dated, without_steps
 from recoil_acquisition.readers.serial.plain import SerialBytesReader
 from recoil_acquisition.readers.table import surest_claim
 from recoil_acquisition.readers.time.increasing_stamps import increasing
@@ -46,7 +47,7 @@ def port_capture(reads: Sequence[tuple[int, bytes]]) -> bytes:
     return rdlog_bytes.rdlog(session, [(0, rdlog_bytes.SERIAL, host_ns, data) for host_ns, data in reads])
 
 
-def opened(tmp_path: Path, content: bytes, **keys: Any) -> SerialRecording:
+def opened(tmp_path: Path, content: bytes, **keys: Any) -> Recording:
     framing = {key: value for key, value in {**FRAMING, **keys}.items() if value is not None}
     return open_bytes(READER, "a.bin", tmp_path, content, Declarations("imu", framing=framing))
 
