@@ -32,7 +32,7 @@ def make_device(
         Table ``device`` of the source, whose keys say what device it is. Everything in that of a bus goes to
         python-can.
     declared
-        What else the rig declares of the source.
+        Declarations of the rig about the source, beside its table.
 
     Raises
     ------
