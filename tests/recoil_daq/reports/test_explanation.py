@@ -143,7 +143,7 @@ def test_any_key_of_the_report_is_explained(home: Path, key: str, path: str, uni
     assert entry.formula is not None
     assert entry.formula.text.startswith(formula)
     stored = json.loads((home / "reports" / "0001" / "report.json").read_text("utf-8"))
-    assert entry.value == dict(leaves_of(stored))[path].value
+    assert entry.value == leaves_of(stored)[path].value
 
 
 @pytest.mark.whole_way

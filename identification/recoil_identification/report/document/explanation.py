@@ -145,12 +145,12 @@ def _matches(value: Any, rest: str, path: str, plain: str, *, whole: bool) -> li
     found = []
     for label, part in parts_of(value):
         for written in [f"[{label}]", str(label)] if isinstance(label, int) else [label]:
-            there = path_of(path, label), _plain_path(plain, label), part
             after = rest[len(written) :] if rest.startswith(written) else None
             if after == "" or (after is None and not whole and rest and written.startswith(rest)):
-                found.append(there)
+                found.append((path_of(path, label), _plain_path(plain, label), part))
             elif after and after[0] in ".[":
-                found += _matches(part, after.lstrip("."), there[0], there[1], whole=whole)
+                there = path_of(path, label), _plain_path(plain, label)
+                found += _matches(part, after.lstrip("."), *there, whole=whole)
     return found
 
 

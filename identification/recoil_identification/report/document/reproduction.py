@@ -15,10 +15,10 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from fnmatch import fnmatchcase
-from typing import Any
+from fnmatch import translate
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,11 +43,11 @@ LONGEST_NUMBER, LARGEST_POWER = 300, 308
 """Limits of numbers in texts; beyond these they are no numbers that were printed."""
 _PLACE = re.compile(r"\[\d+\]")
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+_OF_RESIDUALS = re.compile("|".join(map(translate, RESIDUALS)))
 _PLAIN = re.compile(r"[A-Za-z_][\w-]*")
 
 
-@dataclass(frozen=True)
-class Leaf:
+class Leaf(NamedTuple):
     """A single value of a report.
 
     Attributes
@@ -200,19 +200,33 @@ def parts_of(value: Any) -> list[tuple[str | int, Any]]:
     return list(enumerate(value))
 
 
-def leaves_of(document: Any, parent: str = "", scale: float | None = None) -> Iterator[tuple[str, Leaf]]:
-    """Yield all single values of a report with their key paths."""
-    parts = parts_of(document)
-    if not parts:
-        if not isinstance(document, Mapping | list | tuple):
-            yield parent, Leaf(document, _scale(parent, document, scale))
+def leaves_of(document: Any, besides: Collection[str] = ()) -> dict[str, Leaf]:
+    """Return all single values of a report by their key paths; not those of some paths, nor what is below them."""
+    found: dict[str, Leaf] = {}
+    _gather(found, document, "", None, 0.0, frozenset(besides))
+    return found
+
+
+def _gather(
+    found: dict[str, Leaf], value: Any, key: str, of_array: float | None, beside: float, besides: Collection[str]
+) -> None:
+    """Put the single values below a key into a table: a report has ten thousand, and they are asked for often."""
+    if key in besides:
         return
-    if scale is None and isinstance(document, list | tuple) and not isinstance(parts[0][0], str):
-        scale = _largest(document)
+    if isinstance(value, float | int | str) or not isinstance(value, Mapping | list | tuple):
+        found[key] = Leaf(value, max(_scale(key, value, of_array), beside))
+        return
+    parts = parts_of(value)
+    if isinstance(value, Mapping):
+        for label, part in parts:
+            of_label = value.get(f"u_{label}")
+            largest = max(beside, abs(of_label)) if _is_number(of_label) else beside
+            _gather(found, part, path_of(key, label), of_array, largest, besides)
+        return
+    if of_array is None and parts and not isinstance(parts[0][0], str):
+        of_array = _largest(value)
     for label, part in parts:
-        beside: Any = document.get(f"u_{label}") if isinstance(document, Mapping) else None
-        for key, leaf in leaves_of(part, path_of(parent, label), scale):
-            yield key, Leaf(leaf.value, max(leaf.scale, abs(beside))) if _is_number(beside) else leaf
+        _gather(found, part, path_of(key, label), of_array, beside, besides)
 
 
 def compare(
@@ -230,10 +244,7 @@ def compare(
     """
     if not exact:
         stored, again = _determined(stored), _determined(again)
-    ours, theirs = (
-        {key: leaf for key, leaf in leaves_of(one) if not any(_below(key, path) for path in besides)}
-        for one in (stored, again)
-    )
+    ours, theirs = (leaves_of(one, besides) for one in (stored, again))
     scales = _scales(stored)
     found: list[Difference] = []
     largest, numbers = 0.0, 0
@@ -245,9 +256,11 @@ def compare(
             continue
         if _is_number(one.value) and _is_number(other.value):
             numbers += 1
+            if one.value == other.value:
+                continue
             scale = max(one.scale, other.scale, scales.get(_PLACE.sub("", key), 0.0))
             relative = _relative(one.value, other.value, scale)
-            of_residuals = any(fnmatchcase(key, pattern) for pattern in RESIDUALS)
+            of_residuals = _OF_RESIDUALS.match(key) is not None
             largest = largest if of_residuals else max(largest, relative)
             if one.value != other.value if exact else relative > (OF_RESIDUALS if of_residuals else ELSEWHERE):
                 found.append(Difference(key, one.value, other.value, relative))
@@ -344,10 +357,6 @@ def _largest(value: Any) -> float | None:
 
 def _relative(one: float, other: float, scale: float) -> float:
     return 0.0 if one == other else abs(one - other) / scale
-
-
-def _below(key: str, path: str) -> bool:
-    return key == path or key.startswith((f"{path}.", f"{path}["))
 
 
 def _same(one: Any, other: Any, *, exact: bool) -> bool:

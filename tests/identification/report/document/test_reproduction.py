@@ -36,7 +36,7 @@ def changed(*path: str | int, to: Any) -> dict[str, Any]:
 
 
 def test_a_report_has_the_names_of_its_rows_in_its_key_paths() -> None:
-    keys = dict(leaves_of(REPORT))
+    keys = leaves_of(REPORT)
     assert {"mass.U95[1]", 'budget."packing friction".u_kg', "campaign.R[0][1]", "reasons[0]"} <= keys.keys()
 
 
