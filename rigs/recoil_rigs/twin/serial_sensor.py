@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import Fault, FaultCode, Row, nearest_first
 from recoil_rigs.rig import Source
 from recoil_rigs.twin.files import serial_capture
 from recoil_rigs.twin.instruments import generator
-from recoil_rigs.twin.sources import Array, Clock, Scene, SourceFile, clock_truth, file_name, in_unit
+from recoil_rigs.twin.sources import Clock, Scene, SourceFile, clock_truth, file_name, in_unit
 
 
 class _Part(BaseModel):
