@@ -15,6 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples, LiveSource
 from recoil_acquisition.devices.can_device import KERNEL_STAMPED
 from recoil_acquisition.devices.device import CAN, Block, Counters
@@ -27,7 +28,6 @@ from recoil_acquisition.readers.can.messages import load_database
 from recoil_acquisition.readers.can.parameter_groups import Sender
 
 Instants = NDArray[np.int64]
-Array = NDArray[np.float64]
 
 LONGEST_DELAY_S = 1.0
 """Delay from which on frames are not held back: the interface's clock was set anew."""

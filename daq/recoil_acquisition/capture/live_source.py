@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.device import Block, Counters, Device
 from recoil_acquisition.devices.opening import open_device
@@ -18,8 +16,6 @@ from recoil_acquisition.live_kind import LiveKind, live_kind_of
 from recoil_acquisition.quantity import Unit
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.can.buses import BusName
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from recoil_acquisition.arrays import Array, Flags
 
 PASSED = 0.4
 """Share of the grid's rate up to which a channel passes as it is, to a thousandth."""
@@ -128,7 +127,7 @@ def _passed(samples: Array, rate_share: float, finer: int) -> Array:
     return np.asarray(whole[2 * half * finer :][: (samples.size - 1) * finer + 1])
 
 
-def _between_lost(times_s: Array, known: NDArray[np.bool_], instants_s: Array) -> NDArray[np.bool_]:
+def _between_lost(times_s: Array, known: Flags, instants_s: Array) -> Flags:
     """Return whether a neighbour of each instant, before or behind, is lost or not there at all."""
     slack = 1e-6 * (times_s[-1] - times_s[0]) / max(times_s.size - 1, 1)
     behind = np.searchsorted(times_s, instants_s - slack, side="left")

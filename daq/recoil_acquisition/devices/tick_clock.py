@@ -18,9 +18,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from recoil_acquisition.arrays import Array
 
 START_S = 0.5
 """Time of an epoch after which its first sample is dated."""

@@ -232,9 +232,8 @@ class MassConstancy:
 
     @property
     def what_changes(self) -> str:
-        """Say what may change: what moves to and fro has no breech chain."""
-        once = self.changed.block.regression.recoils_once
-        return "mass, friction or the breech chain" if once else "mass or friction"
+        """Say what may change."""
+        return self.changed.block.regression.may_change
 
 
 def mass_over_time(calibration: Calibration) -> MassOverTime:

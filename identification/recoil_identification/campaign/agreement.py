@@ -181,9 +181,8 @@ def weighed(rows: JointRows, agreement: Agreement) -> JointRows:
     factors = np.array([agreement.noisy.get(shot.name, 1.0) for shot in rows.shots]) * agreement.unexplained
     if np.all(factors == 1.0):
         return rows
-    return replace(
-        rows, triangle=rows.triangle / factors[:, np.newaxis, np.newaxis], seen=rows.seen / factors[:, np.newaxis]
-    )
+    triangle, seen = rows.triangle / factors[:, np.newaxis, np.newaxis], rows.seen / factors[:, np.newaxis]
+    return replace(rows, triangle=triangle, seen=seen, divided={})
 
 
 def _own(fit: JointFit) -> tuple[tuple[str, Misfit], ...]:

@@ -15,7 +15,7 @@ rig's: as each shot's own they would average away.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -127,6 +127,9 @@ class JointRows(ReadOnlyArrays):
         Standard uncertainty by which an influence moves a parameter of a shot.
     columns
         Further unknowns.
+    divided
+        These rows by the scatter that divided them, as they are asked for. They hang on no column, and most of a
+        campaign is fits with one more of them; whoever replaces anything else begins anew.
     """
 
     shots: tuple[CampaignShot, ...]
@@ -142,6 +145,7 @@ class JointRows(ReadOnlyArrays):
     seen: Array
     loads: Array
     columns: tuple[Column, ...] = ()
+    divided: dict[Scatter, tuple[Array, Array, float]] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, shots: Sequence[CampaignShot], mechanism_of: Mapping[str, str]) -> JointRows:
@@ -259,10 +263,7 @@ class JointRows(ReadOnlyArrays):
 
     def with_columns(self, columns: Sequence[Column]) -> JointRows:
         """Look for further unknowns."""
-        found = replace(self, columns=tuple(columns))
-        # by what the rows are divided hangs on no column, and most of a campaign is fits with one more of them
-        vars(found)["_divided"] = self._divided
-        return found
+        return replace(self, columns=tuple(columns))
 
     def without(self, number: int) -> JointRows | None:
         """Leave a shot out, by its place; None if it is the only one of its mechanism."""
@@ -276,22 +277,18 @@ class JointRows(ReadOnlyArrays):
             self,
             shots=(*self.shots[:number], *self.shots[number + 1 :]),
             columns=tuple(one for one in kept if one.shares.any()),
+            divided={},
             **{name: np.delete(one, number, axis=0) for name, one in arrays.items()},
         )
 
     def whitened(self, scatter: Scatter) -> WhiteRows:
         """Divide the rows of each shot by the factor of their covariance."""
-        divided = self._divided.get(scatter)
+        divided = self.divided.get(scatter)
         if divided is None:
             divided = self._divide(scatter)
-            if len(self._divided) * self.triangle.nbytes < MOST_KEPT_BYTES:
-                self._divided[scatter] = divided
+            if len(self.divided) * self.triangle.nbytes < MOST_KEPT_BYTES:
+                self.divided[scatter] = divided
         return WhiteRows(self, scatter, *divided)
-
-    @cached_property
-    def _divided(self) -> dict[Scatter, tuple[Array, Array, float]]:
-        """The divided rows by what they were divided by."""
-        return {}
 
     def _divide(self, scatter: Scatter) -> tuple[Array, Array, float]:
         n, k = self.seen.shape

@@ -298,9 +298,7 @@ class Identification(ReadOnlyArrays):
                 f"right? With {-added_kg:+g} kg instead of {added_kg:+g} kg it agrees; correct `added_mass_kg` in the "
                 "shot log"
             )
-        scales = ["the scale of the breech gauge or the bore area", "what no gauge reads in bore and brake"]
-        if not self.route.recorded.recoils_once:
-            scales = ["the scale of what drives", "what no gauge reads of what resists"]
+        scales = [*self.route.recorded.scales]
         if self.route.method == "camera":
             scales.append("that of the camera")
         elif self.route.camera is not None and self.route.method == "calibrated":

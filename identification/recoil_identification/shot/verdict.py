@@ -133,12 +133,8 @@ def reasons_against_record(
 
 
 def _against_the_rate(recorded: Regression) -> Iterator[Reason]:
-    """Say that the record has too few samples of the force that drives the part: it may have missed the most of it.
-
-    What moves on a line already is driven by what stops it.
-    """
-    acts = recorded.force_n > 0 if recorded.recoils_once else recorded.force_n != 0
-    driving = int(np.count_nonzero(recorded.inside & acts))
+    """Say that the record has too few samples of the force that drives the part: it may have missed the most of it."""
+    driving = int(np.count_nonzero(recorded.inside & recorded.acts))
     if driving < SUSTAINED:
         text = (
             f"the net force drives the part for {driving} samples only (limit {SUSTAINED}), {recorded.rate_hz:g} a "

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.measured import measured, worded
 from recoil_processing.quality.limits import Outcome
-
-Array = NDArray[np.float64]
 
 LEAST = 3
 """Samples of one value that are no coincidence."""

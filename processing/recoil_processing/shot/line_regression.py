@@ -6,14 +6,84 @@ Gravity is in neither side, for a' is the specific force along the line.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.errors import IdentificationError
+from recoil_processing.filters import LowPassFilter
+from recoil_processing.gaps import runs_of
 from recoil_processing.shot.line_motion import LineMotion
 from recoil_processing.shot.regression import Regression, refuse_lost
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import Rig
+
+SLOW_SHARE = 0.05
+"""Share of the largest speed below which a body stops."""
+LEAST_SPACED = 24
+"""Rows of a body on a line below which those of the quiet around its motion are counted."""
+STANDS = 0.2
+"""Share of the dry friction that is left, behind the filter, where a body on a line stands or turns."""
+
+
+@dataclass(frozen=True, eq=False)
+class LineRegression(Regression):
+    """Both sides of the equation of motion of a body that may move to and fro, driven or held at any time."""
+
+    recoils_once = False
+    made_of = "all that drives less all that resists and friction"
+    scales = ("the scale of what drives", "what no gauge reads of what resists")
+    may_change = "mass or friction"
+
+    @property
+    def acts(self) -> Flags:
+        """Samples with a force, shape (n,): what moves already is driven by what stops it."""
+        return np.asarray(self.force_n != 0)
+
+    def smooth(self, column: Array) -> Array:
+        """Leave a column as it is: the cut-off is as low as the force allows, there is nothing below it."""
+        return column
+
+    @cached_property
+    def stroke_s(self) -> float:
+        """Time from one stop of the body to the next; it stops where its speed is below `SLOW_SHARE` of the largest."""
+        whole_s = self.interval_s[1] - self.interval_s[0]
+        speed = np.abs(np.asarray(self.speed_m_s)[self.inside])
+        moves = speed > SLOW_SHARE * np.max(speed, initial=0.0)
+        strokes = np.sort([stop - start for start, stop in runs_of(moves)])
+        if not strokes.size:
+            return whole_s
+        # that of which half of the motion is part: about a stop noise makes many short ones
+        middle = int(np.searchsorted(np.cumsum(strokes), 0.5 * strokes.sum()))
+        return min(float(strokes[middle]) * self.step_s, whole_s)
+
+    @property
+    def before_the_turn(self) -> Flags:
+        """Samples at which the body does not stand, shape (n,): what holds it then no gauge reads."""
+        return np.asarray((np.abs(self.friction_direction) >= STANDS) | (self.turning_n == 0.0))
+
+    def rows_from(self, apart: float) -> tuple[float, int, Flags]:
+        """Return how far rows lie apart, which is the first, and which count: of few those of the quiet around, too."""
+        # a body on a line is at no other rate than its own, and may have few rows: rounded down there are more
+        whole = int(apart)
+        _, first, used = super().rows_from(apart)
+        count = int(self.inside.sum())
+        lacking = LEAST_SPACED - int(count / whole)
+        if lacking > 0:
+            around = whole * -(-lacking // 2)
+            used = self.trusted.copy()
+            used[first + count + around :] = False
+            first = max(first - around, first % whole)
+        return float(whole), first, used
+
+    def _reached(self, low_pass: LowPassFilter) -> Flags:
+        """Leave out a period of the cut-off at either end of the record, beyond which the body moves on."""
+        reached = super()._reached(low_pass)
+        reach = math.ceil(self.rate_hz / low_pass.cutoff_hz)
+        reached[:reach] = reached[-reach:] = False
+        return reached
 
 
 def line_motion(signals: Signals, rig: Rig) -> LineMotion:
@@ -31,7 +101,7 @@ def line_motion(signals: Signals, rig: Rig) -> LineMotion:
     return LineMotion.of(signals.times_s, signals.series, forces, static, u_zero)
 
 
-def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> Regression:
+def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> LineRegression:
     """Set up both sides of the equation of motion of a body on a line, as recorded.
 
     While it is held, before it moves and after, both sides are zero by construction.
@@ -67,7 +137,7 @@ def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> Regressio
     static = m.at_rest.get("recoil_acceleration", 0.0)
     forces = np.where(motion.driven[:, np.newaxis], forces, 0.0)
     acceleration = np.where(motion.driven, motion.acceleration_m_s2, motion.acceleration_m_s2 - static)
-    return Regression(
+    return LineRegression(
         times_s=signals.times_s,
         step_s=signals.step_s,
         acceleration_m_s2=acceleration,

@@ -15,6 +15,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,6 @@ from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import Filtered, LowPassFilter, filter_alike
-from recoil_processing.gaps import runs_of
 from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.release import FEWEST, end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.signals import Signals
@@ -40,16 +40,10 @@ MOST_TURNED = 0.01
 """Share of the friction's reversal in a row: a packing turns over the travel by which it gives, and no gauge says when.
 Taken as an instant, the reversal alone would make the friction of many shots too small by 10 %.
 """
-SLOW_SHARE = 0.05
-"""Share of the largest speed below which a body stops."""
 LEAST_ROWS = 10
 """Fewer rows with errors of their own say nothing about those errors."""
-LEAST_SPACED = 24
-"""Rows of a body on a line below which those of the quiet around its motion are counted."""
 SLOWER = 0.25
 """Share of the cut-off behind which a force tells what a part of it would do."""
-STANDS = 0.2
-"""Share of the dry friction that is left, behind the filter, where a body on a line stands or turns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,10 +111,22 @@ class Regression(ReadOnlyArrays):
     travel_m: Array | None = None
     turning_n: float = 0.0
 
+    recoils_once: ClassVar[bool] = True
+    """Whether it is of one recoil from battery, whose speed nothing tells but the acceleration."""
+    made_of: ClassVar[str] = "breech force less brake, recuperator and friction"
+    """What the active force is made of, in words."""
+    scales: ClassVar[tuple[str, ...]] = (
+        "the scale of the breech gauge or the bore area",
+        "what no gauge reads in bore and brake",
+    )
+    """What of the forces may be off by a share, in words."""
+    may_change: ClassVar[str] = "mass, friction or the breech chain"
+    """What may change in a shot, in words."""
+
     @property
-    def recoils_once(self) -> bool:
-        """Whether it is of one recoil from battery, whose speed nothing tells but the acceleration."""
-        return self.speed_m_s is None
+    def acts(self) -> Flags:
+        """Samples at which the force drives the part, shape (n,)."""
+        return self.force_n > 0
 
     @property
     def low_pass(self) -> LowPassFilter | None:
@@ -155,8 +161,7 @@ class Regression(ReadOnlyArrays):
         column : ndarray, shape (n,)
         """
         low_pass = self.low_pass
-        # on a line the cut-off is as low as the force allows: there is nothing below it
-        if low_pass is None or not self.recoils_once:
+        if low_pass is None:
             return column
         return low_pass.at(SLOWER * low_pass.cutoff_hz).apply(column, self.rate_hz)
 
@@ -177,33 +182,19 @@ class Regression(ReadOnlyArrays):
 
     @cached_property
     def stroke_s(self) -> float:
-        """Time of one stroke: that of the interval; on a line that from one stop of the body to the next.
-
-        It stops where its speed is below `SLOW_SHARE` of the largest.
-        """
-        whole_s = self.interval_s[1] - self.interval_s[0]
-        if self.speed_m_s is None:
-            return whole_s
-        speed = np.abs(self.speed_m_s[self.inside])
-        moves = speed > SLOW_SHARE * np.max(speed, initial=0.0)
-        strokes = np.sort([stop - start for start, stop in runs_of(moves)])
-        if not strokes.size:
-            return whole_s
-        # that of which half of the motion is part: about a stop noise makes many short ones
-        middle = int(np.searchsorted(np.cumsum(strokes), 0.5 * strokes.sum()))
-        return min(float(strokes[middle]) * self.step_s, whole_s)
+        """Time of one stroke: that of the interval."""
+        return self.interval_s[1] - self.interval_s[0]
 
     @property
     def before_the_turn(self) -> Flags:
-        """Samples into which the filter spreads nothing of the friction's reversal at the end of travel, shape (n,).
-
-        On a line those at which the body does not stand: what holds it then no gauge reads.
-        """
-        if not self.recoils_once:
-            return (np.abs(self.friction_direction) >= STANDS) | (self.turning_n == 0.0)
+        """Samples into which the filter spreads nothing of the friction's reversal at the end of travel, shape (n,)."""
         turned = np.abs(1.0 + self.friction_direction) / 2.0 > MOST_TURNED
         # what the filter spreads rings: where it crosses zero it is there all the same
         return ~np.logical_or.accumulate(turned & (self.times_s >= 0.5 * sum(self.interval_s)))
+
+    def rows_from(self, apart: float) -> tuple[float, int, Flags]:
+        """Return how far rows lie apart that should by so many samples, which is the first, and which of them count."""
+        return apart, int(np.argmax(self.inside)), self.used & self.before_the_turn
 
     def filtered(self, low_pass: LowPassFilter) -> Regression:
         """Pass every column through one and the same filter.
@@ -227,22 +218,15 @@ class Regression(ReadOnlyArrays):
             released=table["released"],
             friction_direction=table["friction_direction"],
             release_per_s=table["release"],
-            trusted=table.trusted & ~self._at_an_end(low_pass),
+            trusted=table.trusted & self._reached(low_pass),
             table=table,
             shifts=None,
         )
         return plain if self.shifts is None else plain.with_shifts(self.shifts)
 
-    def _at_an_end(self, low_pass: LowPassFilter) -> Flags:
-        """Return what lies within a period of the cut-off of a record's ends, beyond which a body moves on, shape (n,).
-
-        What the filter would have needed of the motion there was not recorded.
-        """
-        at_an_end = np.zeros(self.times_s.size, dtype=np.bool_)
-        if not self.recoils_once:
-            reach = math.ceil(self.rate_hz / low_pass.cutoff_hz)
-            at_an_end[:reach] = at_an_end[-reach:] = True
-        return at_an_end
+    def _reached(self, low_pass: LowPassFilter) -> Flags:  # noqa: ARG002 - what rests may be continued
+        """Return where all that the filter needs of the motion was recorded, shape (n,)."""
+        return np.ones(self.times_s.size, dtype=np.bool_)
 
     def with_shifts(self, shifts: Array) -> Regression:
         """Add the shapes of a shifted zero, as they would be recorded; they pass the regression's filter.
@@ -393,22 +377,10 @@ def spaced_rows(regression: Regression) -> NDArray[np.int64]:
     ndarray of int64
         Rows within the identification interval, trusted ones only; every row of it for recorded signals.
     """
-    used = regression.used & regression.before_the_turn
     if regression.low_pass is None:
-        return np.flatnonzero(used)
+        return np.flatnonzero(regression.used & regression.before_the_turn)
     # by time, not by a whole number of samples: the rows of thinned channels are those of the full rate
-    apart = max(1.0, regression.rate_hz / (2.0 * regression.low_pass.cutoff_hz))
-    first = int(np.argmax(regression.inside))
-    if not regression.recoils_once:
-        # a body on a line is at no other rate than its own, and may have few rows: rounded down there are more
-        apart = float(int(apart))
-        lacking = LEAST_SPACED - int(regression.inside.sum() / apart)
-        if lacking > 0:
-            around = int(apart) * -(-lacking // 2)
-            last = first + int(regression.inside.sum())
-            first = max(first - around, first % int(apart))
-            used = regression.trusted.copy()
-            used[last + around :] = False
+    apart, first, used = regression.rows_from(max(1.0, regression.rate_hz / (2.0 * regression.low_pass.cutoff_hz)))
     rows = np.round(np.arange(first, regression.times_s.size - 0.5, apart)).astype(np.int64)
     return rows[used[rows]]
 

@@ -34,14 +34,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_rigs.mechanism import model as rigid
 from recoil_rigs.mechanism.beam import integrals, natural_frequencies
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,11 +8,10 @@ equation numbers are those of `recoil_rigs.mechanism.model`. Plain arrays, SI un
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from recoil_acquisition.arrays import Array
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
-
-Array = NDArray[np.float64]
 
 
 def specific_acceleration(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:

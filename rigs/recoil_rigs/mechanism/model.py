@@ -25,8 +25,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from recoil_acquisition.arrays import Array
 from recoil_rigs.mechanism.measured_acceleration import (
     carriage_specific_force,
     ground_acceleration,
@@ -53,8 +54,6 @@ __all__ = [
     "specific_acceleration_kinematic",
     "velocity_terms",
 ]
-
-Array = NDArray[np.float64]
 
 
 class _Geometry(NamedTuple):

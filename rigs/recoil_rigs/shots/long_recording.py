@@ -12,9 +12,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import Fault, ReadError, RigError
 from recoil_acquisition.readers.excerpt import excerpt
 from recoil_acquisition.readers.recording import Recording
@@ -30,8 +28,6 @@ BLOCK_SAMPLES = 1 << 18
 
 MOST_SHOWN = 8
 """Shots of a recording that an error names."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

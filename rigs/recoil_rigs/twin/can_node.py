@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import Fault, FaultCode, ReadError, Row, did_you_mean, nearest_first
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_rigs.rig import ChannelSpec, Source
 from recoil_rigs.twin.files import CanFrame, can_log
 from recoil_rigs.twin.instruments import generator
-from recoil_rigs.twin.sources import Array, Clock, Scene, SourceFile, clock_truth, file_name, in_unit
+from recoil_rigs.twin.sources import Clock, Scene, SourceFile, clock_truth, file_name, in_unit
 
 _LONGEST_WAIT_S = 2e-4
 _FOREIGN = ((0x18FEF100, True, 0.01), (0x0C1, False, 0.02), (0x7DF, False, 0.1))

@@ -18,9 +18,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.log.record import OWN, SCHEMA, Kind, Record, pack_json, pack_record
-
-Array = NDArray[np.float64]
 
 CAN_EPOCH_S = 1_772_438_400.0
 """Wall-clock time that a virtual CAN log gives for its zero: 2026-03-02 08:00 UTC, a whole second. A virtual rig must
@@ -51,7 +50,7 @@ def dewesoft_text(times_s: Array, columns: Mapping[str, Array], style: Literal["
 
 
 def track_text(
-    frames: NDArray[np.int64], frame_rate_hz: float, positions: Mapping[str, Array], lost: NDArray[np.bool_], unit: str
+    frames: NDArray[np.int64], frame_rate_hz: float, positions: Mapping[str, Array], lost: Flags, unit: str
 ) -> bytes:
     """Return a table of tracks.
 

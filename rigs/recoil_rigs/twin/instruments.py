@@ -10,16 +10,14 @@ import zlib
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_rigs.mechanism.model import Mechanism, carriage_specific_force, specific_acceleration
 from recoil_rigs.rig import Sensor
 from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
 from recoil_rigs.twin.line_motion import LineMotion
 from recoil_rigs.twin.motion import Motion
 from recoil_rigs.twin.recorder_settings import RecorderSettings
-
-Array = NDArray[np.float64]
 
 _BESSEL_ORDER = 4
 _BESSEL_DELAY = 2.113917674904216

@@ -19,14 +19,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.twin.line_settings import LineSettings
 from recoil_rigs.twin.unread_forces import SLIDES_FROM_M_S, Unread, UnreadForces, unread_force
 
-Array = NDArray[np.float64]
 Force = Callable[[float, float], float]
 
 _RINGING_STEP_S, _LONGEST_STEP_S, _ROUGH_STEP_S = 25e-6, 200e-6, 500e-6
@@ -73,7 +72,7 @@ class LineMotion(ReadOnlyArrays):
     t_fire_s: float
     t_end_s: float
 
-    def moves(self, at_s: Array) -> NDArray[np.bool_]:
+    def moves(self, at_s: Array) -> Flags:
         """Return at which instants the body moves, shape (n,)."""
         speed = np.abs(self.speed_m_s)
         return np.interp(at_s, self.times_s, speed) > MOVES_FROM * float(speed.max())

@@ -13,8 +13,8 @@ from array import array
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_rigs.mechanism.flexible_tube import FlexibleTube, sag, uniform_tube
 from recoil_rigs.mechanism.model import Mechanism
@@ -24,8 +24,6 @@ from recoil_rigs.twin.nominal_recoil import NominalRecoil, nominal_recoil
 from recoil_rigs.twin.settings import TwinSettings
 from recoil_rigs.twin.tube_equations import tube_equations
 from recoil_rigs.twin.unread_forces import Projectile, Unread, gas_left_kg, unread_force
-
-Array = NDArray[np.float64]
 
 _LARGEST_STEP_S = 25e-6
 MOVES_FROM_M_S = 0.02
@@ -94,7 +92,7 @@ class Motion(ReadOnlyArrays):
         """Rate of the travel, m/s, shape (n,)."""
         return self.qd[:, 4]
 
-    def moves(self, at_s: Array) -> NDArray[np.bool_]:
+    def moves(self, at_s: Array) -> Flags:
         """Return at which instants the part moves, from the first rise of the breech force on, shape (n,)."""
         fast = np.flatnonzero(np.abs(self.speed_m_s) > MOVES_FROM_M_S)
         still_s = float(self.times_s[fast[-1]]) if fast.size else self.t_fire_s

@@ -10,12 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_rigs.mechanism.model import Mechanism
-
-Array = NDArray[np.float64]
 
 _STEP_S = 1e-4
 _LONGEST_S = 2.0

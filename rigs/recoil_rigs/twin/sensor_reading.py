@@ -8,15 +8,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.twin.line_motion import LineMotion
 from recoil_rigs.twin.motion import Motion
 from recoil_rigs.twin.readings import Readings
 from recoil_rigs.twin.unread_forces import Projectile, UnreadForces
-
-Array = NDArray[np.float64]
 
 _GATEWAY_SHAPE = 2.0
 _KNOCK_S, _KNOCK_FREEDOM = 1e-3, 2.0

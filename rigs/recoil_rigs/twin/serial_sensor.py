@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import Fault, FaultCode, Row, did_you_mean
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.framing import Framing
 from recoil_rigs.rig import Source
 from recoil_rigs.twin.files import serial_capture
 from recoil_rigs.twin.instruments import generator
-from recoil_rigs.twin.sources import Array, Clock, Scene, SourceFile, clock_truth, file_name, in_unit
+from recoil_rigs.twin.sources import Clock, Scene, SourceFile, clock_truth, file_name, in_unit
 
 SPOKEN = ("u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "f32", "f64")
 """Types of the fields that a virtual sensor sends."""

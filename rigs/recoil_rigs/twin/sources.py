@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import Fault, FaultCode, Row
 from recoil_acquisition.quantity import SI_UNITS, Unit, find_unit
 from recoil_rigs.mechanism.model import Mechanism
@@ -34,8 +34,6 @@ from recoil_rigs.twin.sensor_reading import (
     low_pass,
     travel_reading,
 )
-
-Array = NDArray[np.float64]
 
 MIDDLE_AFTER_STAMP = {"start": 0.5, "middle": 0.0, "end": -0.5}
 """Time from a frame's stamp to the middle of its exposure, in exposures, by what is stamped."""

@@ -40,13 +40,12 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from recoil_acquisition.arrays import Array
 from recoil_acquisition.declaration import Finite, NotNegative, Positive
 from recoil_acquisition.read_only import ReadOnlyArrays
 
-Array = NDArray[np.float64]
 Unread = Callable[[float, float, float, float, float], float]
 """Function from travel, its rate, pressures of brake and recuperator, and time to the force that no gauge reads."""
 

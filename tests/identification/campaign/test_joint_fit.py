@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from recoil_identification.campaign.agreement import Agreement, Misfit, weighed
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.joint_fit import FORCES, Trial, joint_fit, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
@@ -240,3 +241,13 @@ def test_before_any_shot_each_size_of_the_force_is_as_likely_as_its_prior_says()
     fit = joint_fit_under(rows_of(shots), Scatter(2e-4, 0.03))
     assert fit.before_any_shot.weights == pytest.approx([0.2765, 0.2552, 0.2083, 0.1535, 0.1063], abs=1e-4)
     assert fit.weights != pytest.approx(fit.before_any_shot.weights, abs=0.05)
+
+
+def test_divided_rows_are_handed_on_with_other_columns_alone() -> None:
+    rows, usual = rows_of(campaign_of(ADDED).shots), Scatter(0.002, 0.01)
+    divided = rows.whitened(usual).triangle
+    assert rows.with_columns(()).divided is rows.divided
+    disagreeing = weighed(rows, Agreement((), Misfit(90.0, 10)))
+    for other in (disagreeing, rows.without(1)):
+        assert other is not None
+        assert not np.array_equal(other.whitened(usual).triangle[1:], divided[1:])

@@ -14,13 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
 from recoil_acquisition.readers.tracks.marker import SUSTAINED, find_marker, own_speed
 from recoil_acquisition.readers.tracks.rest import rest_repeats
 from recoil_acquisition.remark import Note, NoteCode, Remark
-
-Positions = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 HELD_FRAMES = 9
 """Equal positions at an end of a track beyond which it is held: noise never repeats so often."""
@@ -53,7 +51,7 @@ class TrackFaults:
     notes: tuple[Remark, ...]
 
 
-def find_track_faults(features: Mapping[str, Positions], frames: NDArray[np.int64]) -> TrackFaults:
+def find_track_faults(features: Mapping[str, Array], frames: NDArray[np.int64]) -> TrackFaults:
     """Find repeats, stuck features, held ends and jumps.
 
     Parameters
@@ -113,7 +111,7 @@ def shown_frames(numbers: Sequence[int] | NDArray[np.int64]) -> str:
     return f"{len(numbers)}, frames {shown}{' ...' if len(numbers) > SHOWN else ''}" if len(numbers) else "none"
 
 
-def held_ends(positions: Positions) -> tuple[int, int]:
+def held_ends(positions: Array) -> tuple[int, int]:
     """Count the positions at the beginning and at the end that are exactly equal; 0 and 0 if none ever changes.
 
     Parameters
@@ -128,7 +126,7 @@ def held_ends(positions: Positions) -> tuple[int, int]:
     return int(changed[0]) + 1, int(seen.shape[0] - 1 - changed[-1])
 
 
-def _filled_ends(positions: Positions, rest: Flags) -> tuple[int, int]:
+def _filled_ends(positions: Array, rest: Flags) -> tuple[int, int]:
     """Count the positions of held ends, as `held_ends` does, but of one at which the mark rests none."""
     before, after = held_ends(positions)
     resting = rest[_repeats(positions)]
@@ -137,7 +135,7 @@ def _filled_ends(positions: Positions, rest: Flags) -> tuple[int, int]:
     return before * (not resting[0]), after * (not resting[-1])
 
 
-def _of_size(positions: Positions) -> Positions:
+def _of_size(positions: Array) -> Array:
     """Return positions of which those that are larger than any are lost."""
     low, high = np.fmin.reduce(positions, axis=None, initial=0.0), np.fmax.reduce(positions, axis=None, initial=0.0)
     if low > -LARGEST_POSITION and high < LARGEST_POSITION:
@@ -145,7 +143,7 @@ def _of_size(positions: Positions) -> Positions:
     return np.where(np.abs(positions) < LARGEST_POSITION, positions, np.nan)
 
 
-def find_jumps(frames: NDArray[np.int64], positions: Positions) -> Flags:
+def find_jumps(frames: NDArray[np.int64], positions: Array) -> Flags:
     """Find the frames to which a mark jumps: off its neighbours' line, and faster than the motion ever is.
 
     Parameters
@@ -185,12 +183,12 @@ def find_jumps(frames: NDArray[np.int64], positions: Positions) -> Flags:
     return jumps
 
 
-def _repeats(positions: Positions) -> Flags:
+def _repeats(positions: Array) -> Flags:
     """Return which frames are exactly as the frame before, shape (n_frames,)."""
     return np.concatenate([[False], (np.diff(positions, axis=0) == 0).all(axis=1)])
 
 
-def _in_ends(positions: Positions, before: int, after: int) -> Flags:
+def _in_ends(positions: Array, before: int, after: int) -> Flags:
     """Return which frames belong to an end that is held, shape (n_frames,)."""
     flags = np.zeros(positions.shape[0], dtype=bool)
     seen = np.flatnonzero(~np.isnan(positions).any(axis=1))

@@ -10,12 +10,9 @@ more digits than any resolution are not judged: of what has none, a rest cannot 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
-
-Positions = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 ROUNDING = 0.6
 """Noise in steps of the resolution up to which rounding alone makes it; rounding itself makes 0.3 to 0.4."""
@@ -31,7 +28,7 @@ GROWTH = 1.5
 """Times that the second step from a rest is the first one: three times where the acceleration is constant."""
 
 
-def rest_repeats(positions: Positions) -> Flags:
+def rest_repeats(positions: Array) -> Flags:
     """Find the frames that are exactly as the frame before because the mark rests and nothing has noise.
 
     Parameters
@@ -71,7 +68,7 @@ def rest_repeats(positions: Positions) -> Flags:
     return flags
 
 
-def _slowest(moves: Positions) -> NDArray[np.float64] | None:
+def _slowest(moves: Array) -> Array | None:
     """Return the step per frame up to which each axis creeps, shape (n_axes,); None if there is noise in an axis."""
     if len(moves) < LEAST_MOVES:
         return None
@@ -90,6 +87,6 @@ def _slowest(moves: Positions) -> NDArray[np.float64] | None:
     return slow
 
 
-def _speeds_up(steps: Positions) -> bool:
+def _speeds_up(steps: Array) -> bool:
     axis = int(np.argmax(steps[0]))
     return bool(steps[1, axis] > GROWTH * steps[0, axis])

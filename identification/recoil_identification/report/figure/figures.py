@@ -34,7 +34,6 @@ from recoil_identification.report.figure.measured_figures import (
 from recoil_identification.shot.identified import Identification
 from recoil_identification.shot.method_result import CORRECTED
 from recoil_processing.filters import LowPassFilter
-from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals, on_grid
 from recoil_processing.spectra.spectrum import multitaper
 
@@ -112,7 +111,7 @@ def _force(found: Identification) -> Figure:
     return Figure(
         "force",
         "Active force on the recoiling part",
-        f"Active force F', which is {_made_of(r)}, against the mass m times the "
+        f"Active force F', which is {r.made_of}, against the mass m times the "
         "acceleration a' as measured, with the sensors' errors as identified: they coincide where the model holds.",
         TIME,
         (
@@ -129,13 +128,6 @@ def _force(found: Identification) -> Figure:
         ),
         shown=shown_of(found),
     )
-
-
-def _made_of(regression: Regression) -> str:
-    """Say what the active force is made of."""
-    if regression.recoils_once:
-        return "breech force less brake, recuperator and friction"
-    return "all that drives less all that resists and friction"
 
 
 def _residuals(found: Identification) -> Figure:

@@ -1,0 +1,42 @@
+"""A body on a line moves on beyond its record, and stands where no gauge reads what holds it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recoil_processing.filters import LowPass
+from recoil_processing.shot.line_regression import LineRegression
+
+TIMES_S = np.arange(2000) * 1e-3
+
+
+def swinging() -> LineRegression:
+    """Return a body of 1 kg that swings at 1 Hz from the first sample to the last."""
+    force_n = np.sin(2 * np.pi * TIMES_S)
+    return LineRegression(
+        times_s=TIMES_S,
+        step_s=1e-3,
+        acceleration_m_s2=force_n,
+        forces_n=np.column_stack([force_n, 0.0 * force_n]),
+        released=np.ones(TIMES_S.size),
+        friction_direction=np.zeros(TIMES_S.size),
+        release_per_s=np.zeros(TIMES_S.size),
+        trusted=np.ones(TIMES_S.size, dtype=np.bool_),
+        interval_s=(0.0, 1.999),
+        release_n_s=0.0,
+        u_release_n_s=0.0,
+        gauges=("push",),
+        signs=(1.0,),
+        speed_m_s=-np.cos(2 * np.pi * TIMES_S) / (2 * np.pi),
+    )
+
+
+def test_a_period_of_the_cutoff_at_either_end_of_the_record_is_not_trusted() -> None:
+    trusted = swinging().filtered(LowPass(50.0)).trusted
+    assert not trusted[:20].any()
+    assert not trusted[-20:].any()
+    assert trusted[20:-20].all()
+
+
+def test_a_stroke_is_the_time_between_two_stops_of_the_body() -> None:
+    assert abs(swinging().stroke_s - 0.5) < 0.05
