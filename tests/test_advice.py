@@ -51,7 +51,7 @@ OF_OTHERS = frozenset((
 """What stands in backticks and is neither a key nor a command."""
 PUT_IN = frozenset((
     "{SHOT_PLACE}", "{TABLE}", "{column}", "{command}", "{first}", "{key}", "{known}", "{lacking}", "{name[0]}",
-    "{nearest}", "{nearest_first(role, list(known))[0]}", "{order}", "{recover}", "{self}", "{source.device}", "mixed",
+    "{one.key}", "{order}", "{recover}", "{self}", "{source.device}", "mixed",
 ))  # fmt: skip
 """What is put in: keys of the tables that are at fault, commands that are texts of their own, and the name of a rig."""
 QUOTED_BEFORE = frozenset(("rig", "capture", "file", "files", "out"))

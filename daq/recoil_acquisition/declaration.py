@@ -21,7 +21,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter,
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from recoil_acquisition.errors import Fault, FaultCode, KeyPath, Row, did_you_mean
+from recoil_acquisition.errors import Fault, FaultCode, KeyPath, Row, did_you_mean, near
 from recoil_acquisition.typed_quantity import NoNumberError, TypedError, number_and_unit, typed_quantity
 
 UNITS_BY_ENDING: Mapping[str, str] = MappingProxyType(
@@ -240,10 +240,6 @@ def _without_unknown_keys(model: type[BaseModel], table: dict[str, Any]) -> dict
     return known
 
 
-UNKNOWN_KEY = "unknown key"
-"""Beginning of the problem of a key that a table should not have."""
-
-
 def unknown_keys(table: Mapping[str, Any], known: Sequence[str], where: KeyPath) -> list[Fault]:
     """Name the keys of a table that it should not have, each with the nearest known one."""
     return [unknown_key((*where, key), str(key), known) for key in table if key not in known]
@@ -251,7 +247,9 @@ def unknown_keys(table: Mapping[str, Any], known: Sequence[str], where: KeyPath)
 
 def unknown_key(place: KeyPath, key: str, known: Sequence[str]) -> Fault:
     """Name a key that a table should not have, with the nearest known one if any is near."""
-    return Fault(place, f"{UNKNOWN_KEY}; {did_you_mean(key, sorted(known), quote='`')}", FaultCode.UNKNOWN)
+    names = tuple(sorted(known))
+    problem, meant = f"unknown key; {did_you_mean(key, names, quote='`')}", near(key, names)
+    return Fault(place, problem, FaultCode.UNKNOWN, known=names, meant=() if meant is None else (meant,))
 
 
 def checked(kind: type[Recorded], document: Mapping[str, Any]) -> Recorded:

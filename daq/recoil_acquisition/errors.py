@@ -33,7 +33,7 @@ import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher, get_close_matches
 from enum import StrEnum
 from pathlib import Path
@@ -433,12 +433,21 @@ class Fault:
         Kind of the fault.
     about
         Channel, source or file that the fault is about where no part of its key names it; else None.
+    known
+        Keys of the table, where the one at fault is none of them; None of another fault.
+    meant
+        Keys of the table that it is perhaps.
+    undeclared
+        Source or channel that is referred to, and declared nowhere; None of another fault.
     """
 
     parts: KeyPath
     problem: str
     code: FaultCode
     about: str | None = None
+    known: tuple[str, ...] | None = field(default=None, compare=False)
+    meant: tuple[str, ...] = field(default=(), compare=False)
+    undeclared: str | None = field(default=None, compare=False)
 
     def __str__(self) -> str:
         return f"{self.key}: {self.problem}" if self.parts else self.problem
@@ -578,7 +587,11 @@ def did_you_mean(name: str, names: Sequence[str], *, quote: str = "'") -> str:
     """Ask for the nearest of some names, or list all where none is near."""
     if not names:
         return "none is declared"
-    nearest = nearest_first(name, names)[0]
-    if SequenceMatcher(None, name.casefold(), nearest.casefold()).ratio() >= LEAST_LIKENESS:
-        return f"did you mean {quote}{nearest}{quote}?"
-    return f"there are {', '.join(names)}"
+    nearest = near(name, names)
+    return f"there are {', '.join(names)}" if nearest is None else f"did you mean {quote}{nearest}{quote}?"
+
+
+def near(name: str, names: Sequence[str]) -> str | None:
+    """Return the nearest of some names; None where none is near."""
+    nearest = next(iter(nearest_first(name, names)), "")
+    return nearest if SequenceMatcher(None, name.casefold(), nearest.casefold()).ratio() >= LEAST_LIKENESS else None

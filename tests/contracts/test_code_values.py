@@ -31,7 +31,8 @@ VALUES: dict[type[StrEnum], str] = {
         "reader, no log row, log row, correction, set aside, not used, no estimate, no advice, filter, thinned, "
         "unchecked, clock, role, record end, not identified, near limit, zero, added mass, agreement, motion noise, "
         "configuration, specification, identified anew, comparison, model, not checked, sensitivity, assumption, "
-        "session, cut, lost, left out, second recording, time, contradiction, units, names, unmatched, unseen, track, "
+        "session, cut, lost, left out, second recording, time, own rate, contradiction, units, names, "
+        "unmatched, unseen, track, "
         "excerpt"
     ),
     CautionCode: (
@@ -41,7 +42,8 @@ VALUES: dict[type[StrEnum], str] = {
     Check: (
         "file, file names, reader, missing frames, stream, late stamps, delivery, connection, kernel drops, damaged "
         "entries, error frames, unanswered, pre-time, trigger, journal, clock fit, clock steps, clock stamps, "
-        "alignment, losses, constant, code, overflow, range, flat tops, held values, time steps, baseline, steady "
+        "alignment, losses, constant, code, overflow, range, flat tops, held values, time steps, "
+        "gap of the reference, baseline, steady "
         "baseline, level after, filtered noise, hum, out of band, aliasing, spectral gap, shock response, polarity, "
         "calibration, sensor, set aside, frame rate, lost frames, pictures, distance, repeated frames, held ends, "
         "marker noise, jumps, battery, peak locking, residual, onset, second sensor, velocity, carriage, "

@@ -158,7 +158,7 @@ def _condition(
     faults += [replace(fault, about=about) for fault in (*own, *wrong_levels)]
     if isinstance(channel, str) and channel not in channels:
         problem = f"no channel {channel!r}; {did_you_mean(channel, tuple(channels))}"
-        faults.append(Fault((*where, "channel"), problem, FaultCode.UNKNOWN))
+        faults.append(Fault((*where, "channel"), problem, FaultCode.UNKNOWN, undeclared=channel))
     if sound is not None and not wrong_levels:
         try:
             return made(**sound.model_dump(exclude={"kind"}))

@@ -51,7 +51,7 @@ class Learnt:
     normalised_residual
         Normalised residual of what was known before.
     moves_kg
-        By how much the mass would change if that had not been known.
+        Change of the mass, if that had not been known.
     """
 
     influence: Influence

@@ -128,7 +128,7 @@ class JointRows(ReadOnlyArrays):
     columns
         Further unknowns.
     divided
-        These rows by the scatter that divided them, as they are asked for. They hang on no column, and most of a
+        Rows as the scatters divided them that were asked for. They hang on no column, and most of a
         campaign is fits with one more of them; whoever replaces anything else begins anew.
     """
 

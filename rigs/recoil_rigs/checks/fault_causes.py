@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from recoil_acquisition.declaration import UNKNOWN_KEY
-from recoil_acquisition.errors import Fault, FaultCode, KeyPath
+from recoil_acquisition.errors import Fault, FaultCode, KeyPath, did_you_mean
 from recoil_rigs.rig_file import RigFile
 
 STRAY = 2
 """Number of unknown keys in one table, none near a known one, from which on the heading of another may be missing."""
-_NOWHERE = re.compile(r"'[^']*'(?= is (?:not declared|no source|no channel))|(?<=no channel )'[^']*'")
-"""Name of a source or a channel in the sentence that it is declared nowhere."""
 _ARRAYS = ("source", "channel")
 
 
@@ -24,9 +20,9 @@ def causes(faults: Sequence[Fault], file: RigFile) -> list[Fault]:
     some rows cannot be read; a name that is declared nowhere is one fault, wherever it stands; unknown keys in a row
     are a heading that is missing.
     """
-    unknown = [fault for fault in faults if fault.problem.startswith(UNKNOWN_KEY)]
+    unknown = [fault for fault in faults if fault.known is not None]
     stray = _stray(unknown)
-    headings = {key for key in _ARRAYS if any(len(one.parts) == 1 and _means(one, key) for one in unknown)}
+    headings = {key for key in _ARRAYS if any(len(one.parts) == 1 and key in one.meant for one in unknown)}
     unread = bool(stray) or bool(headings) or _unread_names(faults, file)
     found: list[Fault] = []
     for fault in faults:
@@ -36,7 +32,7 @@ def causes(faults: Sequence[Fault], file: RigFile) -> list[Fault]:
                 found.append(_together(stray[table]))
         elif not (
             (fault.code is FaultCode.MISSING and _is_misspelt(fault, unknown, stray))
-            or (unread and (_refers(fault) or fault.parts[-1:] == ("align",)))
+            or (unread and (fault.undeclared is not None or fault.parts[-1:] == ("align",)))
             or (headings and not table and fault not in unknown)
         ):
             found.append(fault)
@@ -45,7 +41,7 @@ def causes(faults: Sequence[Fault], file: RigFile) -> list[Fault]:
 
 def _stray(unknown: Sequence[Fault]) -> dict[KeyPath, list[Fault]]:
     """Return the faults of the tables with so many unknown keys that they are perhaps those of another table."""
-    tables = [fault.parts[:-1] for fault in unknown if "did you mean" not in fault.problem]
+    tables = [fault.parts[:-1] for fault in unknown if not fault.meant]
     return {
         table: [fault for fault in unknown if fault.parts[:-1] == table]
         for table in tables
@@ -57,9 +53,9 @@ def _together(stray: Sequence[Fault]) -> Fault:
     """Say once of unknown keys in a row that they are none."""
     first, *others = stray
     names = ", ".join(str(one.parts[-1]) for one in others)
-    known = next(one.problem.partition("; ")[2] for one in stray if "did you mean" not in one.problem)
+    known = next(did_you_mean(str(one.parts[-1]), one.known or ()) for one in stray if not one.meant)
     as_are = f"as {'is' if len(others) == 1 else 'are'} {names}"
-    return replace(first, problem=f"{UNKNOWN_KEY}, {as_are}; {known}; or the heading above them is missing")
+    return replace(first, problem=f"unknown key, {as_are}; {known}; or the heading above them is missing")
 
 
 def _is_misspelt(missing: Fault, unknown: Sequence[Fault], stray: Mapping[KeyPath, Sequence[Fault]]) -> bool:
@@ -71,15 +67,9 @@ def _is_misspelt(missing: Fault, unknown: Sequence[Fault], stray: Mapping[KeyPat
     return any(
         missing.parts[: len(fault.parts) - 1] == fault.parts[:-1]
         and len(fault.parts) <= len(missing.parts)
-        and _means(fault, str(missing.parts[len(fault.parts) - 1]))
+        and missing.parts[len(fault.parts) - 1] in fault.meant
         for fault in unknown
     )
-
-
-def _means(unknown: Fault, key: str) -> bool:
-    """Return whether an unknown key is said to be perhaps another."""
-    meant = unknown.problem.partition("did you mean")[2]
-    return bool(re.search(rf"(?:^ ?|, |`){re.escape(key)}(?:`| \()", meant))
 
 
 def _unread_names(faults: Sequence[Fault], file: RigFile) -> bool:
@@ -91,14 +81,9 @@ def _unread_names(faults: Sequence[Fault], file: RigFile) -> bool:
     return any(not one.get("name") for one in texts)
 
 
-def _refers(fault: Fault) -> bool:
-    """Return whether a fault is that of a name which is declared nowhere."""
-    return fault.code is FaultCode.UNKNOWN and _NOWHERE.search(fault.problem) is not None
-
-
 def _once(faults: Sequence[Fault]) -> list[Fault]:
     """Say once of each name that it is declared nowhere, and how often it stands there."""
-    names = [match[0] if _refers(fault) and (match := _NOWHERE.search(fault.problem)) else "" for fault in faults]
+    names = [fault.undeclared or "" for fault in faults]
     found = []
     for k, (name, fault) in enumerate(zip(names, faults, strict=True)):
         if name and name in names[:k]:

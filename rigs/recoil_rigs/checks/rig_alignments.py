@@ -79,7 +79,7 @@ def faults_of_alignment(where: KeyPath, source: Source, reference: str, file: Ri
             return None
         if name not in names:
             problem = f"{name!r} is no channel; {did_you_mean(name, names)}"
-            faults.append(Fault((*where, key), problem, FaultCode.UNKNOWN))
+            faults.append(Fault((*where, key), problem, FaultCode.UNKNOWN, undeclared=name))
         elif name in by_name and by_name[name].source in {*clocks} - {clock}:
             faults.append(unfit(f"{name!r} must be a channel of {whose}", key))
         return by_name.get(name)

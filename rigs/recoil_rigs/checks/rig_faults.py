@@ -32,7 +32,7 @@ def _faults_of_sources(file: RigFile) -> list[Fault]:
     reference = file.texts.get("reference_clock", "")
     if reference and reference not in names:
         problem = f"{reference!r} is no source; {did_you_mean(reference, names)}"
-        faults.append(Fault(("reference_clock",), problem, FaultCode.UNKNOWN))
+        faults.append(Fault(("reference_clock",), problem, FaultCode.UNKNOWN, undeclared=reference))
     for where, source in file.sources.sound:
         if names.count(source.name) > 1:
             faults.append(Fault((*where, "name"), "two sources have this name", FaultCode.DUPLICATE))
@@ -93,7 +93,7 @@ def _faults_of_channels(file: RigFile) -> list[Fault]:
         if channel.source not in source_names:
             what = f"role {channel.role!r} has no source" if channel.role else "no such source"
             problem = f"{what}: {channel.source!r} is not declared; {did_you_mean(channel.source, source_names)}"
-            faults.append(Fault((*where, "source"), problem, FaultCode.UNKNOWN))
+            faults.append(Fault((*where, "source"), problem, FaultCode.UNKNOWN, undeclared=channel.source))
         faults += _faults_of_role(where, channel, channels, file.model)
         faults += _faults_of_standard(where, channel, file.channels.sound)
         source = sources.get(channel.source)

@@ -127,7 +127,7 @@ def _unknown_symbol(key: str, symbols: Sequence[str]) -> Fault:
         return unknown_key(place, key, [MODEL])
     if symbol in symbols:
         problem = f"unknown key; {symbol} is itself a standard uncertainty: {MEANINGS[symbol]}"
-        return Fault(place, problem, FaultCode.UNKNOWN)
+        return Fault(place, problem, FaultCode.UNKNOWN, known=tuple(symbols))
     prefix = key[: len(key) - len(symbol)]
     words = set(symbol.casefold().split("_"))
     places = {}
@@ -140,7 +140,8 @@ def _unknown_symbol(key: str, symbols: Sequence[str]) -> Fault:
         most, front = min(places.values())
         meant = [one for one, (shared, at) in places.items() if shared == most and at <= front + 1]
         named = ", ".join(f"{prefix}{one} ({MEANINGS[one]})" for one in meant)
-        return Fault(place, f"unknown key; did you mean {named}", FaultCode.UNKNOWN)
+        keys = tuple(f"{prefix}{one}" for one in meant)
+        return Fault(place, f"unknown key; did you mean {named}", FaultCode.UNKNOWN, known=tuple(symbols), meant=keys)
     return unknown_key(place, key, [prefix + one for one in symbols])
 
 
