@@ -219,7 +219,7 @@ def _gather(
     parts = parts_of(value)
     if isinstance(value, Mapping):
         for label, part in parts:
-            of_label = value.get(f"u_{label}")
+            of_label = value.get(f"u_{label}", 0.0)
             largest = max(beside, abs(of_label)) if _is_number(of_label) else beside
             _gather(found, part, path_of(key, label), of_array, largest, besides)
         return
