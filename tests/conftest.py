@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Iterator
@@ -49,6 +50,9 @@ def pytest_configure(config: pytest.Config) -> None:
     The threads of OpenBLAS spin while they wait for one another: with two workers that have two each, a test of small
     matrices took twenty times as long. The library looks once, when it is loaded: a worker must be born with it.
     """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        # as whatever a shell starts in the background; what tests interrupt, and start, would not be
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if sys.dont_write_bytecode and sys.pycache_prefix is None and (cache := getattr(config, "cache", None)) is not None:
         keep_bytecode(cache.mkdir("bytecode"))
     for name, what in MARKERS.items():

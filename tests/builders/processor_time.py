@@ -9,12 +9,12 @@ from __future__ import annotations
 import functools
 import json
 import os
-import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
+from time import monotonic, process_time
 from types import ModuleType
 from typing import Any
 
@@ -60,14 +60,14 @@ def processor_s() -> float:
 def apart() -> Iterator[None]:
     """Charge what is done within to no test."""
     APART.depth += 1
-    cpu_s, wall_s = processor_s(), time.monotonic()
+    cpu_s, wall_s = processor_s(), monotonic()
     try:
         yield
     finally:
         APART.depth -= 1
         if APART.depth == 0:
             APART.cpu_s += processor_s() - cpu_s
-            APART.wall_s += time.monotonic() - wall_s
+            APART.wall_s += monotonic() - wall_s
 
 
 def load_apart() -> None:
@@ -122,12 +122,12 @@ class Cost:
 def measured() -> Iterator[Cost]:
     """Measure what is done within."""
     cost = Cost()
-    cpu_s, wall_s = processor_s() - APART.cpu_s, time.monotonic() - APART.wall_s
+    cpu_s, wall_s = processor_s() - APART.cpu_s, monotonic() - APART.wall_s
     try:
         yield cost
     finally:
         cost.cpu_s = processor_s() - APART.cpu_s - cpu_s
-        cost.wall_s = time.monotonic() - APART.wall_s - wall_s
+        cost.wall_s = monotonic() - APART.wall_s - wall_s
 
 
 @functools.cache
@@ -135,11 +135,11 @@ def slowness() -> float:
     """Return how many times as long as the reference this machine takes for an exercise, at least 1."""
     matrix, took = np.linspace(0.0, 1.0, 10_000).reshape(100, 100), []
     for _ in range(5):
-        start_s = time.process_time()
+        start_s = process_time()
         sum(len(json.dumps({str(k): k * 1.5})) for k in range(4000))
         for _ in range(20):
             np.linalg.solve(matrix + np.eye(100), matrix)
-        took.append(time.process_time() - start_s)
+        took.append(process_time() - start_s)
     return max(1.0, min(took) / REFERENCE_S)
 
 
