@@ -248,7 +248,7 @@ def against_losses(shot: Shot, lost: float) -> Iterator[Reason]:
         Share by `lost_share`.
     """
     if lost > LARGEST_LOSS:
-        where = (Check.LOSSES, Check.HELD_VALUES)
+        where = (Check.LOSSES, Check.HELD_VALUES, Check.REFERENCE_GAP)
         channels = [c.channel for c in shot.quality if c.check in where and c.verdict != "ok"]
         yield Reason(
             ReasonCode.LOST_FORCE,
