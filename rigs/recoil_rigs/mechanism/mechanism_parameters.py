@@ -63,8 +63,8 @@ class Mechanism(ABC):
     recoils_once
         Whether it rests in battery until it is fired, recoils once and runs back there; if not, it may move when the
         record begins, to and fro, and is driven or held at any time.
-    mounted
-        Whether it recoils on a carriage and a tipping part that move themselves.
+    carriage_roles
+        Roles of what tells how carriage and tipping part move, on which it recoils; none where it has neither.
     m1, m2, m3
         Masses of carriage, tipping part and recoiling part, kg. ``m3`` is the specification mass.
     J1, J2, J3c
@@ -160,7 +160,7 @@ class Mechanism(ABC):
     shared_roles: ClassVar[tuple[str, ...]]
     foreign_roles: ClassVar[Mapping[str, str]]
     recoils_once: ClassVar[bool]
-    mounted: ClassVar[bool]
+    carriage_roles: ClassVar[tuple[str, ...]] = ()
 
     USUAL_U: ClassVar[Mapping[str, float]] = MappingProxyType(
         {"bore_friction": 0.006, "muzzle_brake": 0.0, "unread_share": 0.01, "slide_friction": 0.0, "carried_mass": 0.0}
@@ -194,6 +194,11 @@ class Mechanism(ABC):
     def grid_series(self, forces: Sequence[ForceInput]) -> tuple[str, ...]:
         """List the series of which a channel on the reference clock may carry the grid; the first one counts."""
         return self.series(forces)
+
+    @property
+    def mounted(self) -> bool:
+        """Whether it recoils on a carriage and a tipping part that move themselves."""
+        return bool(self.carriage_roles)
 
     @property
     @abstractmethod
