@@ -195,10 +195,9 @@ class Mechanism(ABC):
         """List the series of which a channel on the reference clock may carry the grid; the first one counts."""
         return self.series(forces)
 
-    @property
-    def mounted(self) -> bool:
-        """Whether it recoils on a carriage and a tipping part that move themselves."""
-        return bool(self.carriage_roles)
+    def needs_carriage(self, role: str | None) -> bool:
+        """Return whether what a role reads tells the motion only with that of a carriage: a camera's track on one."""
+        return role == "recoil_displacement" and bool(self.carriage_roles)
 
     @property
     @abstractmethod
@@ -213,7 +212,7 @@ class Mechanism(ABC):
         ----------
         inertial, moving, carriage
             Arguments of `recoil_rigs.mechanism.measured_acceleration.relative_acceleration`; only the first one counts
-            where the mechanism is not `mounted`.
+            where the mechanism has no `carriage_roles`.
         """
 
     def pressures(self, channels: Sequence[ChannelSpec]) -> tuple[ForceInput, ...]:

@@ -181,7 +181,7 @@ def needs(fired: FiredShot, absent: Sequence[ChannelSpec]) -> bool:
         return True
     motion, mechanism = motion_role(fired), fired.rig.mechanism
     needed = {"tipping_rate", *(mechanism.motion_roles if motion is None else ())}
-    if motion == "recoil_displacement":
+    if mechanism.needs_carriage(motion):
         needed |= set(mechanism.carriage_roles)
     if any(spec.role in needed and fired.shot.by_role(spec.role) is None for spec in absent):
         return True

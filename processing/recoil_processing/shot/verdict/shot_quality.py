@@ -170,14 +170,13 @@ def _channels(
             spec, recording = fired.rig.channel(channel.name), recordings.get(clock)
             found += check_track(channel, spec, source, recording, from_battery=mechanism.recoils_once)
             found += check_fusion(channel, alignment)
-            if mechanism.mounted:
-                found += _against_camera(channel, fired.rig, alignment, recoil)
+            found += _against_camera(channel, fired.rig, alignment, recoil)
         checks += [QualityCheck(channel.name, check, verdict, detail) for check, (verdict, detail) in found]
-    seen_along = mechanism.mounted and not fired.rig.camera_on_ground
-    if recoil is not None and camera is not None and seen_along and not recoil.turned:
-        checks += check_carriage_by_camera(fired, recoil, camera, by_clock.get(camera.time_base.clock))
-    if camera is not None and mechanism.mounted and fired.shot.by_role("recoil_acceleration") is None:
-        checks.append(QualityCheck(camera.name, Check.SECOND_SENSOR, "warn", UNCHECKED))
+    if camera is not None and mechanism.needs_carriage(camera.role):
+        if recoil is not None and not fired.rig.camera_on_ground and not recoil.turned:
+            checks += check_carriage_by_camera(fired, recoil, camera, by_clock.get(camera.time_base.clock))
+        if fired.shot.by_role("recoil_acceleration") is None:
+            checks.append(QualityCheck(camera.name, Check.SECOND_SENSOR, "warn", UNCHECKED))
     if recoil is not None:
         checks += check_motion(fired, recoil, rest_s, zero_by_camera=zero_by_camera)
     return checks
@@ -274,7 +273,7 @@ def _against_camera(
     """Compare the accelerometer's velocity with the camera's."""
     if recoil is None or recoil.turned or alignment is None or alignment.status == "failed":
         return []
-    if channel.role != "recoil_displacement":
+    if not rig.mechanism.needs_carriage(channel.role):
         return []
     seen_s = channel.time_base.times_s - rig.channel(channel.name).sensor.delay_s
     positions = channel.measured
