@@ -48,7 +48,7 @@ class Mechanism(ABC):
     sure_roles
         Roles of which a channel counts only if its clock is aligned beyond doubt: what it tells others tell, too.
     positive_pulses
-        Roles whose quantity is positive by convention while the mass recoils.
+        Roles of what is a pulse: positive by convention while the mass recoils, and as at rest before and after.
     words
         Name of what it is, as people say it.
     bounds, bounds_of_role
