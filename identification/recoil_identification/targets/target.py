@@ -120,7 +120,7 @@ class Case:
         missing = [role for role in roles if self.fired.shot.by_role(role) is None]
         if missing and not self.fired.rig.mechanism.carriage_roles:
             raise IdentificationError(
-                f"{purpose}: is found of a gun, and the rig is one of a body on a line",
+                f"{purpose}: is found of a gun, and the rig is one of {self.fired.rig.mechanism.words}",
                 expected=", ".join(roles),
                 remedy="ask for its mass, or for the target arx",
             )
