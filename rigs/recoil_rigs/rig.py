@@ -173,7 +173,8 @@ class Rig(Listed):
     def camera_on_ground(self) -> bool:
         """Whether the recoil displacement is seen from the ground, and not along the tipping part."""
         spec = self.by_role("recoil_displacement")
-        return spec is not None and self.source(spec.source).sees == "ground"
+        sees = None if spec is None else self.source(spec.source).sees
+        return sees == "ground" and self.mechanism.needs_carriage("recoil_displacement")
 
     def with_camera_on_ground(self, on_ground: bool) -> Rig:
         """Let the camera of the recoil displacement stand on the ground, or see along the tipping part."""

@@ -25,8 +25,8 @@ from recoil_acquisition.remark import ReasonCode
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
-from recoil_rigs.shots.assumptions import CARRIAGE_ROLES
 from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.rig_tables import CARRIAGE_ROLES
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import with_twin
 

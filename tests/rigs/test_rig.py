@@ -196,6 +196,16 @@ def test_a_rig_is_asked_by_name_and_role() -> None:
         rig.channel("radar")
 
 
+def test_a_camera_sees_the_motion_from_a_carriage_or_the_ground_where_there_is_a_carriage() -> None:
+    gun, line = load_rig("mixed"), load_rig("sled")
+    roles = "recoil_acceleration", "recoil_velocity", "recoil_displacement", None
+    assert [gun.mechanism.needs_carriage(role) for role in roles] == [False, False, True, False]
+    assert not any(map(line.mechanism.needs_carriage, roles))
+    assert not gun.with_camera_on_ground(False).camera_on_ground
+    assert gun.with_camera_on_ground(True).camera_on_ground
+    assert not line.with_camera_on_ground(True).camera_on_ground
+
+
 def test_declarations_are_what_the_files_do_not_carry() -> None:
     rig = rig_of()
     assert rig.declarations(rig.source("can")).database == DATABASE

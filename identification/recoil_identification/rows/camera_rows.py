@@ -36,8 +36,7 @@ from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import Rig
-from recoil_rigs.shots.assumptions import CARRIAGE_ROLES
-from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS, CARRIAGE_ROLES
 
 MEAN_S = 1e-3
 """Over which frames are averaged: the rows of the motion hold nothing that is faster."""

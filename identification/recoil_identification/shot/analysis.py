@@ -90,7 +90,7 @@ def identify_shot(fired: FiredShot, options: Options) -> Identification:
         note = Note(NoteCode.SET_ASIDE, aside.channel, worded(f"{aside.channel} is set aside: ", aside.detail))
         return replace(found, notes=(note, *found.notes))
     method = options.method or default_method(fired)
-    if method == "camera" and fired.rig.mechanism.mounted:
+    if method == "camera" and fired.rig.mechanism.needs_carriage("recoil_displacement"):
         return _identified(route_by_camera(fired, options), fired, options)
     route = _route_by_accelerometer(fired, options, method)
     if (doubted := gauge_set_aside(route.calibration, route.signals)) is not None:

@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import MappingProxyType
-
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.calibration.methods import Method
 from recoil_processing.shot.motion_role import motion_lacks, motion_role
 from recoil_rigs.shots.fired_shot import FiredShot
-
-DEFAULTS: Mapping[str, Method] = MappingProxyType(
-    {"recoil_acceleration": "calibrated", "recoil_displacement": "camera"}
-)
-"""Role of the recoiling part's motion -> the default with it and the forces; the first that the shot has counts."""
 
 
 def default_method(fired: FiredShot) -> Method:
@@ -35,7 +27,7 @@ def default_method(fired: FiredShot) -> Method:
     """
     role = motion_role(fired)
     if role is not None:
-        return DEFAULTS[role] if fired.rig.mechanism.mounted else "calibrated"
+        return "camera" if fired.rig.mechanism.needs_carriage(role) else "calibrated"
     raise IdentificationError(
         ", and ".join(motion_lacks(fired, one) for one in fired.rig.mechanism.motion_roles),
         expected="an accelerometer on the recoiling part, or a camera that follows it, and the forces",

@@ -39,8 +39,8 @@ from recoil_processing.shot.verdict.mass_reasons import (
     unused_channels,
 )
 from recoil_rigs.rig import Rig
-from recoil_rigs.shots.assumptions import CARRIAGE_ROLES
 from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.rig_tables import CARRIAGE_ROLES
 
 LEAST_SHARE = 0.5
 """Share of identified samples below which the trace does not describe the shot."""

@@ -118,9 +118,9 @@ class Case:
             Naming every role that is missing.
         """
         missing = [role for role in roles if self.fired.shot.by_role(role) is None]
-        if missing and not self.fired.rig.mechanism.mounted:
+        if missing and not self.fired.rig.mechanism.carriage_roles:
             raise IdentificationError(
-                f"{purpose}: is found of a gun, and the rig is one of a body on a line",
+                f"{purpose}: is found of a gun, and the rig is one of {self.fired.rig.mechanism.words}",
                 expected=", ".join(roles),
                 remedy="ask for its mass, or for the target arx",
             )

@@ -86,10 +86,10 @@ class AngularMotion(ReadOnlyArrays):
 def angular_motion(signals: Signals, rig: Rig) -> AngularMotion:
     """Collect the angular motion and the carriage's specific force; gaps are bridged for these small terms.
 
-    What is not mounted has neither.
+    What is on no carriage has neither.
     """
     mechanism = rig.mechanism
-    if not mechanism.mounted:
+    if not mechanism.carriage_roles:
         return still(signals.times_s.size)
     low_pass = LowPass(min(ANGULAR_CUTOFF_HZ, 0.1 * signals.rate_hz))
     w1, w2 = (bridge(signals.get(role), otherwise=0.0) for role in ("carriage_rate", "tipping_rate"))
@@ -146,7 +146,7 @@ def travel_acceleration(signals: Signals, rig: Rig, motion: AngularMotion) -> Ar
 def seen_acceleration(signals: Signals, rig: Rig, motion: AngularMotion) -> Array:
     """Return the second derivative of what the rig's camera sees, by the accelerometers, m/s^2, shape (n,).
 
-    That of the travel along the tipping part where the rig has no camera, or it is not mounted.
+    That of the travel along the tipping part where the rig has no camera, or it recoils on no carriage.
     """
     inertial = bridge(inertial_acceleration(signals, rig, motion), otherwise=0.0)
     return seen_by_camera(inertial, rig, motion, signals.step_s)
@@ -162,7 +162,7 @@ def seen_by_camera(inertial: Array, rig: Rig, motion: AngularMotion, step_s: flo
     """
     relative = relative_to_tipping_part(inertial, rig.mechanism, motion, step_s, free)
     spec = rig.by_role("recoil_displacement")
-    if spec is None or not (rig.camera_on_ground and rig.mechanism.mounted):
+    if spec is None or not rig.camera_on_ground:
         return relative
     velocity = integrate(relative, step_s)
     terms = integrate(velocity, step_s), velocity, integrate(motion.w2, step_s), motion.w2, motion.dw2

@@ -14,7 +14,7 @@ from recoil_rigs.mechanism.measured_acceleration import relative_acceleration
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism, MechanismModel
 from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.force_input import ForceInput
-from recoil_rigs.tables.rig_tables import GAUGE_ROLES, LINE_ROLES
+from recoil_rigs.tables.rig_tables import CARRIAGE_ROLES, GAUGE_ROLES, LINE_ROLES
 
 
 class Gun(Mechanism):
@@ -37,7 +37,7 @@ class Gun(Mechanism):
     )
     spans_s = (0.12, 0.3)
     recoils_once = True
-    mounted = True
+    carriage_roles = CARRIAGE_ROLES
 
     def forces(self, channels: Sequence[ChannelSpec]) -> tuple[ForceInput, ...]:
         """List the forces of its three pressures."""

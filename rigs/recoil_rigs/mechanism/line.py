@@ -59,7 +59,6 @@ class Line(Mechanism):
     )
     spans_s = (math.inf, math.inf)
     recoils_once = False
-    mounted = False
 
     def forces(self, channels: Sequence[ChannelSpec]) -> tuple[ForceInput, ...]:
         """List the driving forces, the resisting ones, and those of its pressures.

@@ -48,7 +48,7 @@ class Mechanism(ABC):
     sure_roles
         Roles of which a channel counts only if its clock is aligned beyond doubt: what it tells others tell, too.
     positive_pulses
-        Roles whose quantity is positive by convention while the mass recoils.
+        Roles of what is a pulse: positive by convention while the mass recoils, and as at rest before and after.
     words
         Name of what it is, as people say it.
     bounds, bounds_of_role
@@ -63,8 +63,8 @@ class Mechanism(ABC):
     recoils_once
         Whether it rests in battery until it is fired, recoils once and runs back there; if not, it may move when the
         record begins, to and fro, and is driven or held at any time.
-    mounted
-        Whether it recoils on a carriage and a tipping part that move themselves.
+    carriage_roles
+        Roles of what tells how carriage and tipping part move, on which it recoils; none where it has neither.
     m1, m2, m3
         Masses of carriage, tipping part and recoiling part, kg. ``m3`` is the specification mass.
     J1, J2, J3c
@@ -160,7 +160,7 @@ class Mechanism(ABC):
     shared_roles: ClassVar[tuple[str, ...]]
     foreign_roles: ClassVar[Mapping[str, str]]
     recoils_once: ClassVar[bool]
-    mounted: ClassVar[bool]
+    carriage_roles: ClassVar[tuple[str, ...]] = ()
 
     USUAL_U: ClassVar[Mapping[str, float]] = MappingProxyType(
         {"bore_friction": 0.006, "muzzle_brake": 0.0, "unread_share": 0.01, "slide_friction": 0.0, "carried_mass": 0.0}
@@ -195,6 +195,10 @@ class Mechanism(ABC):
         """List the series of which a channel on the reference clock may carry the grid; the first one counts."""
         return self.series(forces)
 
+    def needs_carriage(self, role: str | None) -> bool:
+        """Return whether what a role reads tells the motion only with that of a carriage: a camera's track on one."""
+        return role == "recoil_displacement" and bool(self.carriage_roles)
+
     @property
     @abstractmethod
     def at_rest(self) -> Mapping[str, float]:
@@ -208,7 +212,7 @@ class Mechanism(ABC):
         ----------
         inertial, moving, carriage
             Arguments of `recoil_rigs.mechanism.measured_acceleration.relative_acceleration`; only the first one counts
-            where the mechanism is not `mounted`.
+            where the mechanism has no `carriage_roles`.
         """
 
     def pressures(self, channels: Sequence[ChannelSpec]) -> tuple[ForceInput, ...]:

@@ -14,10 +14,8 @@ from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 from recoil_rigs.rig import Rig
 from recoil_rigs.tables.channel_table import USUAL_U_DISTORTION_M, USUAL_U_LINE_S, USUAL_U_ZERO_REL
 from recoil_rigs.tables.force_input import AREAS
-from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS, FORCE_SENSOR_ROLES
+from recoil_rigs.tables.rig_tables import FORCE_SENSOR_ROLES
 
-CARRIAGE_ROLES = (*CARRIAGE_ACCELERATIONS, "carriage_rate", "tipping_rate")
-"""Roles whose term in the equation of motion is taken at rest where no channel measures it."""
 NOTHING_OF_CHAIN = "nothing that the breech chain does is taken until stated"
 """Assumption on muzzle brake, tube and breech gauge: they are taken for sound."""
 NO_COMMON_STANDARD = "no calibration standard in common (1 % of one would be 1 % of the mass)"
@@ -149,7 +147,7 @@ def _assumptions(rig: Rig, absolute: Collection[str]) -> Iterator[Assumption]:
             worded("[mechanism] has no u_friction: ", measured(m.friction, "N", "g"), " is taken"),
         )
     yield from _forces_that_nobody_reads(m, symbols)
-    for role in CARRIAGE_ROLES if m.mounted else ():
+    for role in m.carriage_roles:
         if role not in roles:
             detail = "no channel has this role: its term in the equation of motion is taken at rest"
             yield Assumption(role, "not measured", detail)

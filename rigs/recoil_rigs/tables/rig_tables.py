@@ -63,6 +63,8 @@ upward and ``friction_d`` forward at the contact D. The elevating gear's moment 
 positive if it raises the muzzle. On a line a driving force is positive where it drives, a resisting one where it
 resists.
 """
+CARRIAGE_ROLES = (*CARRIAGE_ACCELERATIONS, "carriage_rate", "tipping_rate")
+"""Roles whose term in the equation of motion is taken at rest where no channel measures it."""
 CARRIED_ROLES = tuple(
     role for role in ROLES if role.partition("_")[0] in ("carriage", "tipping", "ground", "elevating")
 )

@@ -26,7 +26,7 @@ from recoil_identification.targets.target import Case
 from recoil_identification.targets.target_result import Quantity, Series, Table, TargetResult
 from recoil_processing.shot.verdict.mass_reasons import doubts_of
 from recoil_rigs.mechanism.model import Mechanism
-from recoil_rigs.shots.assumptions import CARRIAGE_ROLES
+from recoil_rigs.tables.rig_tables import CARRIAGE_ROLES
 
 NEEDED = ("recoil_acceleration", "brake_pressure", "recuperator_pressure")
 """Roles without which there is no force."""

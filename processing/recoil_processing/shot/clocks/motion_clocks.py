@@ -217,8 +217,8 @@ def _by_travel(
         )
     one, two = instants(own, fired), instants(other, fired)
 
-    optics = NO_BEND
-    if own.role == "recoil_displacement" and not rig.mechanism.mounted:
+    optics, on_carriage = NO_BEND, rig.mechanism.needs_carriage(own.role)
+    if own.role == "recoil_displacement" and not on_carriage:
         optics = Bend.of(own.measured, acceleration, signals.step_s, rig.channel(own.name).sensor.u_bent_m)
 
     def by(acceleration: Array) -> Aligned:
@@ -249,7 +249,7 @@ def _by_travel(
 
     found_by = by(acceleration)
     judged = found_by[1]
-    if own.role == "recoil_displacement" and rig.mechanism.mounted:
+    if on_carriage:
         judged = by_its_stand(rig, clock, found_by, lambda other: by(seen_acceleration(signals, other, motion)))
     return with_chains(judged, [(own, one), (other, two)], math.hypot(one.u_s, optics.u_s), two.u_s)
 

@@ -113,7 +113,7 @@ def check_track(
         Recording of the track, where it is at hand: duplicated pictures are then distinguished from a mark that is
         stuck; None where it is not.
     from_battery
-        Whether what moved begins in battery and comes back there.
+        Whether it is of what begins in battery and comes back there.
 
     Yields
     ------
@@ -130,7 +130,7 @@ def check_track(
     yield Check.MARKER_NOISE, check_marker_noise(times_s, samples, unit=unit)
     yield Check.JUMPS, check_jumps(times_s, samples, unit=unit)
     # from the ground a carriage that moved is no mark that did
-    if channel.role == "recoil_displacement" and from_battery and source.sees != "ground":
+    if from_battery and source.sees != "ground":
         sigma = marker_noise(samples)
         yield Check.BATTERY, check_battery(times_s, samples, sigma if math.isfinite(sigma) else 0.0)
     if source.scale_mm_per_px is not None and (spec.unit in (None, "px")):

@@ -40,9 +40,8 @@ from recoil_processing.shot.signals import Signals
 from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, aligned_by
 from recoil_processing.shot.verdict.motion_quality import Recoil
 from recoil_rigs.rig import ChannelSpec, Rig
-from recoil_rigs.shots.assumptions import CARRIAGE_ROLES
 from recoil_rigs.shots.fired_shot import FiredShot
-from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS, CARRIAGE_ROLES
 
 LEAST_CONSEQUENCE = 0.1
 """Share of the mass's standard uncertainty below which a failed check is a warning: it adds half a percent to it."""
@@ -182,8 +181,8 @@ def needs(fired: FiredShot, absent: Sequence[ChannelSpec]) -> bool:
         return True
     motion, mechanism = motion_role(fired), fired.rig.mechanism
     needed = {"tipping_rate", *(mechanism.motion_roles if motion is None else ())}
-    if motion == "recoil_displacement" and mechanism.mounted:
-        needed |= set(CARRIAGE_ROLES)
+    if mechanism.needs_carriage(motion):
+        needed |= set(mechanism.carriage_roles)
     if any(spec.role in needed and fired.shot.by_role(spec.role) is None for spec in absent):
         return True
     names = {spec.name for spec in absent}

@@ -75,7 +75,7 @@ def against_the_record(fired: FiredShot) -> tuple[Reason, ...]:
         return (*reasons, *motionless, *(() if known else (Reason(ReasonCode.ROLE, "shot", str(error)),)))
     forceless = list(without_forces(signals, fired.rig))
     reasons += [*forceless, *motionless]
-    by_camera = role == "recoil_displacement" and fired.rig.mechanism.mounted
+    by_camera = fired.rig.mechanism.needs_carriage(role)
     if by_camera and (missing := carriage_lacks(signals, fired.rig)):
         against = "which turned the bore" if fired.rig.camera_on_ground else "from which the camera sees the recoil"
         text = f"no usable channel of role {', '.join(missing)}: nothing tells how the tipping part moved, {against}"

@@ -94,6 +94,12 @@ class Recoil(ReadOnlyArrays):
         """Whether force and acceleration point against one another, so that neither is compared any further."""
         return self.sign is not None and self.sign[0] == "fail"
 
+    @property
+    def once(self) -> Regression | None:
+        """Force and acceleration where they may be compared from the release to the end of one recoil."""
+        one = self.regression
+        return None if one is None or self.turned or not one.recoils_once else one
+
 
 def recoil_of(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Recoil | None:
     """Bring the channels of a shot together once for all checks; None where no acceleration shows a shot."""
@@ -187,13 +193,13 @@ def check_motion(
     name = accelerometer.name
     if recoil.sign is not None:
         yield QualityCheck(name, Check.FORCE_SIGN, *recoil.sign)
+    if recoil.once is not None:
+        for check, outcome in _impulses(recoil, recoil.once, fired.rig, accelerometer.u_rel):
+            yield QualityCheck("shot", check, *outcome)
+        shift = None if zero_by_camera else _zero_shift(recoil, recoil.once, fired.rig)
+        if shift is not None:
+            yield QualityCheck(name, Check.ZERO_SHIFT, *shift)
     if recoil.regression is not None and not recoil.turned:
-        if fired.rig.mechanism.recoils_once:
-            for check, outcome in _impulses(recoil, recoil.regression, fired.rig, accelerometer.u_rel):
-                yield QualityCheck("shot", check, *outcome)
-            shift = None if zero_by_camera else _zero_shift(recoil, recoil.regression, fired.rig)
-            if shift is not None:
-                yield QualityCheck(name, Check.ZERO_SHIFT, *shift)
         skew = _skew(recoil, recoil.regression)
         if skew is not None:
             yield QualityCheck(name, Check.SKEW, *skew)
@@ -212,11 +218,9 @@ def against_specification(fired: FiredShot) -> Shot:
     """
     accelerometer = fired.shot.by_role("recoil_acceleration")
     recoil = recoil_of(fired, {a.clock: a for a in fired.shot.alignments})
-    if accelerometer is None or recoil is None or recoil.regression is None or recoil.turned:
+    if accelerometer is None or recoil is None or recoil.once is None:  # where there are no such checks
         return fired.shot
-    if not fired.rig.mechanism.recoils_once:  # which has no such checks
-        return fired.shot
-    anew = dict(_impulses(recoil, recoil.regression, fired.rig, accelerometer.u_rel))
+    anew = dict(_impulses(recoil, recoil.once, fired.rig, accelerometer.u_rel))
     quality = (
         QualityCheck("shot", one.check, *anew[one.check]) if one.channel == "shot" and one.check in anew else one
         for one in fired.shot.quality

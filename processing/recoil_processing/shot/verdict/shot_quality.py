@@ -100,10 +100,11 @@ def check_shot(
     by_clock = {a.clock: a for a in alignments}
     # of a motion, and of what the mass hangs on, the thinned channels tell the same
     lean, _ = thinned(fired)
-    onset = _onset(fired, by_clock, checks)
-    shifts = [check for alignment in alignments for check in _zero_shift(alignment, fired.shot, onset)]
     # what may move from the first on has a motion without an onset, too
-    recoil = recoil_of(lean, by_clock) if onset is not None or not fired.rig.mechanism.recoils_once else None
+    once = fired.rig.mechanism.recoils_once
+    onset = _onset(fired.shot, checks) if once else _rest_s(fired, by_clock, checks)
+    shifts = [check for alignment in alignments for check in _zero_shift(alignment, fired.shot, onset)]
+    recoil = None if once and onset is None else recoil_of(lean, by_clock)
     checks += _channels(fired, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
     checks += [_alignment_check(alignment) for alignment in alignments]
     checks = _with_gaps_named(checks, fired, alignments)
@@ -144,7 +145,7 @@ def _channels(
     mechanism = fired.rig.mechanism
     camera = fired.shot.by_role("recoil_displacement")
     rest_s = None
-    if camera is not None and mechanism.recoils_once:
+    if camera is not None and camera.role in mechanism.positive_pulses:
         rest_s = rest_after(camera, by_clock.get(camera.time_base.clock))
     breech = fired.shot.by_role("breech_pressure")
     driven = None
@@ -168,16 +169,16 @@ def _channels(
         source = fired.rig.source(clock)
         if source.kind == "camera" and not {check for check, _ in found} & {Check.CONSTANT, Check.LOSSES}:
             spec, recording = fired.rig.channel(channel.name), recordings.get(clock)
-            found += check_track(channel, spec, source, recording, from_battery=mechanism.recoils_once)
+            from_battery = channel.role in mechanism.positive_pulses
+            found += check_track(channel, spec, source, recording, from_battery=from_battery)
             found += check_fusion(channel, alignment)
-            if mechanism.mounted:
-                found += _against_camera(channel, fired.rig, alignment, recoil)
+            found += _against_camera(channel, fired.rig, alignment, recoil)
         checks += [QualityCheck(channel.name, check, verdict, detail) for check, (verdict, detail) in found]
-    seen_along = mechanism.mounted and not fired.rig.camera_on_ground
-    if recoil is not None and camera is not None and seen_along and not recoil.turned:
-        checks += check_carriage_by_camera(fired, recoil, camera, by_clock.get(camera.time_base.clock))
-    if camera is not None and mechanism.mounted and fired.shot.by_role("recoil_acceleration") is None:
-        checks.append(QualityCheck(camera.name, Check.SECOND_SENSOR, "warn", UNCHECKED))
+    if camera is not None and mechanism.needs_carriage(camera.role):
+        if recoil is not None and not fired.rig.camera_on_ground and not recoil.turned:
+            checks += check_carriage_by_camera(fired, recoil, camera, by_clock.get(camera.time_base.clock))
+        if fired.shot.by_role("recoil_acceleration") is None:
+            checks.append(QualityCheck(camera.name, Check.SECOND_SENSOR, "warn", UNCHECKED))
     if recoil is not None:
         checks += check_motion(fired, recoil, rest_s, zero_by_camera=zero_by_camera)
     return checks
@@ -224,11 +225,8 @@ def _file_names(recordings: Mapping[str, Recording]) -> list[QualityCheck]:
     return []
 
 
-def _onset(fired: FiredShot, alignments: Mapping[str, ClockAlignment], checks: list[QualityCheck]) -> float | None:
-    """Onset of force on the reference clock; a shot without one fails, but for what may move from the first on."""
-    shot = fired.shot
-    if not fired.rig.mechanism.recoils_once:
-        return _rest_s(fired, alignments, checks)
+def _onset(shot: Shot, checks: list[QualityCheck]) -> float | None:
+    """Onset of force on the reference clock; a shot without one fails."""
     series = {
         role: c.measured
         for role in ("breech_pressure", "recoil_acceleration")
@@ -274,7 +272,7 @@ def _against_camera(
     """Compare the accelerometer's velocity with the camera's."""
     if recoil is None or recoil.turned or alignment is None or alignment.status == "failed":
         return []
-    if channel.role != "recoil_displacement":
+    if not rig.mechanism.needs_carriage(channel.role):
         return []
     seen_s = channel.time_base.times_s - rig.channel(channel.name).sensor.delay_s
     positions = channel.measured

@@ -9,10 +9,12 @@ import pytest
 
 from recoil_acquisition.quality_check import QualityCheck
 from recoil_acquisition.shot import Shot
+from recoil_daq.recording.ingest import ingest_files
 from recoil_processing.shot.verdict.shot_quality import check_shot
-from recoil_rigs.rig import Rig
+from recoil_rigs.rig import Rig, load_rig
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
+from recoil_rigs.twin import simulate_shot, with_settings
 from tests.builders.bench_shots import ArrayRecording, bench_motion, bench_rig, bench_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
@@ -65,6 +67,16 @@ def test_the_virtual_rigs_shots_are_usable():
         assert shot.usable, shot.reasons
         assert one(shot.quality, "camera", "alignment").verdict == "ok"
         assert one(shot.quality, "acc_recoil", "zero shift").verdict == "ok"
+
+
+@pytest.mark.whole_way
+def test_what_may_move_at_any_time_is_held_neither_to_its_battery_nor_to_an_impulse(tmp_path: Path):
+    rig = with_settings(load_rig("sled"), {"sample_rate_hz": 5000.0})
+    files = simulate_shot(rig, tmp_path / "files", seed=7, shot="1").files
+    shot = ingest_files(rig, files, shot="1", out=tmp_path, on=ON.on).shot
+    assert one(shot.quality, "x_sled", "marker noise").verdict == "ok"
+    of_one_recoil = {"battery", "rest to rest", "impulse", "braking", "velocity", "second sensor"}
+    assert not {c.check for c in (*shot.quality, *checks(without_channels(shot, "acc_sled"), rig))} & of_one_recoil
 
 
 def test_a_clipped_range_fails():
