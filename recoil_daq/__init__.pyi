@@ -13,7 +13,7 @@ from recoil_acquisition.errors import StoreError as StoreError
 from recoil_acquisition.errors import UnknownFormatError as UnknownFormatError
 from recoil_acquisition.errors import WorkerError as WorkerError
 from recoil_acquisition.readers.recording import Recording as Recording
-from recoil_acquisition.shot import Shot as Shot
+from recoil_acquisition.shot.shot import Shot as Shot
 from recoil_acquisition.store import read_shot as read_shot
 from recoil_acquisition.store import write_shot as write_shot
 from recoil_daq.campaigns.campaign import Combined as Combined

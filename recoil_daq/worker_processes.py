@@ -14,8 +14,8 @@ from importlib import import_module
 from types import FrameType, ModuleType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from recoil_acquisition.child_process import BELOW_NORMAL
-from recoil_acquisition.linear_algebra import LIMITS
+from recoil_acquisition.numerics.linear_algebra import LIMITS
+from recoil_acquisition.processes.child_process import BELOW_NORMAL
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -31,7 +31,7 @@ ENDED = 130
 _SURROUNDINGS = {
     # the matrices of a shot are small, and each core has a process of its own
     **dict.fromkeys(LIMITS, "1"),
-    # as `recoil_acquisition.child_process.ChildProcess`: no modules from the folder that the user happens to be in
+    # as a `ChildProcess`: no modules from the folder that the user happens to be in
     "PYTHONSAFEPATH": "1",
 }
 _QUIET = "ignore:resource_tracker:UserWarning"
@@ -50,8 +50,8 @@ class WorkerProcesses:
     """Processes of this machine, started anew: what this one has in its memory or runs as a script is not theirs.
 
     They are tied to this process by a pipe: when that is closed, or this process is gone, they end. They are not
-    of `recoil_acquisition.child_process`: work and results are objects, which the standard library's pool carries, and
-    no module of ours unpickles.
+    of `recoil_acquisition.processes.child_process`: work and results are objects, which the standard library's pool
+    carries, and no module of ours unpickles.
 
     Parameters
     ----------

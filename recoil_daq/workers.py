@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import TypeVar
 
 from recoil_acquisition.errors import RecoilDaqError, WorkerError
-from recoil_acquisition.extras import CLUSTER
+from recoil_acquisition.packages.extras import CLUSTER
 from recoil_daq.version import __version__
 from recoil_daq.worker_processes import WorkerProcesses
 

@@ -18,7 +18,7 @@ import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from recoil_acquisition.extras import CLUSTER, DEWESOFT, EXTRAS, MDF, PARQUET, PDF, TDMS, XLSX, Extra
+from recoil_acquisition.packages.extras import CLUSTER, DEWESOFT, EXTRAS, MDF, PARQUET, PDF, TDMS, XLSX, Extra
 
 ROOT = Path(__file__).resolve().parents[1]
 OTHERS = ("python3.11", "python3.12", "python3.13", "python3.14")

@@ -26,7 +26,7 @@ from pydantic_core import PydanticUndefined
 from recoil_acquisition.frames import framing_tables as framing
 from recoil_acquisition.frames.declaration import _KEYS as KEYS_OF_FRAMINGS
 from recoil_acquisition.frames.ready_made import READY_MADE
-from recoil_acquisition.quantity import SI_UNITS, UNITS
+from recoil_acquisition.quantities.quantity import SI_UNITS, UNITS
 from recoil_acquisition.readers.text.layout import TextLayout
 from recoil_acquisition.readers.tracks.layout import DeclaredFeature, TrackLayout
 from recoil_acquisition.trigger import table as trigger

@@ -6,9 +6,9 @@ import re
 
 import pytest
 
-from recoil_acquisition.declaration import DeclaredTable
 from recoil_acquisition.devices import serial_port
 from recoil_acquisition.frames.ready_made import READY_MADE
+from recoil_acquisition.quantities.declaration import DeclaredTable
 from recoil_rigs.tables.rig_tables import ROLES
 from tests import rig_keys
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.clocks.timebase import TimeBase
-from recoil_acquisition.quantity import SI_UNITS
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
+from recoil_acquisition.quantities.quantity import SI_UNITS
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Channel(ReadOnlyArrays):
     name
         Name of the channel in the rig.
     quantity
-        A key of `recoil_acquisition.quantity.SI_UNITS`.
+        A key of `recoil_acquisition.quantities.quantity.SI_UNITS`.
     samples : ndarray of float64 or float32, shape (n_samples,)
         Values, SI; a lost sample is NaN.
     signal

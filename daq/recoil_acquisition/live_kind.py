@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from recoil_acquisition.others import at_work, offered
+from recoil_acquisition.packages.others import at_work, offered
 
 
 @dataclass(frozen=True)

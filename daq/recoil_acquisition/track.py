@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.clocks.timebase import TimeBase
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
+from recoil_acquisition.numerics.arrays import Array, Flags
 
 LONGEST_STEP = 2.5
 """Steps between neighbours beyond which nothing is interpolated: one lost sample is, two are not."""

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
+from recoil_acquisition.numerics.normal_distribution import MAD_TO_SIGMA
 
 
 def robust_sigma(samples: NDArray[np.float64]) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array, Flags
+from recoil_acquisition.numerics.arrays import Array, Flags
 
 LIMIT_SIGMA = 6.0
 """Standard deviations of the difference to what the neighbours predict: one in 5e8 frames exceeds it by chance."""

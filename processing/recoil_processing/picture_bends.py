@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 
 
 def picture_bends(positions_m: Array) -> tuple[Array, Array]:

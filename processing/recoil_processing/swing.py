@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.noise import noise_sigma
 
 _Figure = Callable[["Swing"], float]

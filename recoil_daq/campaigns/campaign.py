@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.regular_file import read_small
 from recoil_acquisition.files.strict_json import read_json
-from recoil_acquisition.linear_algebra import on_one_thread
-from recoil_acquisition.recorded_file import Double, doubles
+from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.recorded_file import Double, doubles
+from recoil_acquisition.shot.shot import InputFile
 from recoil_daq.campaigns.history import History
 from recoil_daq.campaigns.sources import CampaignLogs, CampaignReport, Outdated, SharedCutoff, Source, sources_of
 from recoil_daq.reports.forms import Forms

@@ -6,8 +6,8 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from recoil_acquisition.declaration import declared
 from recoil_acquisition.errors import Fault
+from recoil_acquisition.quantities.declaration import declared
 from recoil_rigs.twin.campaign import CampaignPlan
 
 OPTIONS: Mapping[str, tuple[str, str]] = {

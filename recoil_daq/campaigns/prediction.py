@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import Fault, FaultCode, IdentificationError, ReadError, RigError
 from recoil_acquisition.files.temporary_folder import temporary_folder
-from recoil_acquisition.linear_algebra import on_one_thread
+from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_acquisition.remark import findings_of
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.shot import InputFile
 from recoil_daq.arguments import named_shot
 from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.reports.stored_shot import read_stored

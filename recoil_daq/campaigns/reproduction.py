@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError, quoted
-from recoil_acquisition.linear_algebra import on_one_thread
+from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_daq.campaigns.campaign import campaign_pages
 from recoil_daq.campaigns.sources import CUTOFF_FILE, CampaignReport

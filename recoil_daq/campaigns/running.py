@@ -10,8 +10,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.linear_algebra import on_one_thread
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.numerics.linear_algebra import on_one_thread
+from recoil_acquisition.shot.shot import InputFile
 from recoil_daq.campaigns.campaign import REPORTS, current_reports
 from recoil_daq.campaigns.sources import CampaignLogs, CampaignReport, SharedCutoff, Source
 from recoil_daq.workers import Workers

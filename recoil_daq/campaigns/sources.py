@@ -15,9 +15,9 @@ from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.files.new_file import give_name, partial_path
 from recoil_acquisition.files.regular_file import read_small
 from recoil_acquisition.files.strict_json import read_json, told_in_one_line
-from recoil_acquisition.recorded_file import RecordedFile
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.recorded_file import RecordedFile
+from recoil_acquisition.shot.shot import InputFile
 from recoil_acquisition.store import recorded_files
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
 from recoil_acquisition.store.shot_log_row import ShotLogRow

@@ -90,7 +90,7 @@ def init(
     """
     with Session(json, debug) as session:
         if any(one.suffix == ".h5" for one in files):
-            from recoil_acquisition.reader_process import READER
+            from recoil_acquisition.processes.reader_process import READER
 
             READER.start()
         from recoil_daq.drafting.init import check_free, draft_rig
@@ -157,7 +157,7 @@ def show(
         raise typer.BadParameter("give either a database or --rig, which names its own")
     with Session(json, debug) as session:
         if file.suffix == ".h5":
-            from recoil_acquisition.reader_process import READER
+            from recoil_acquisition.processes.reader_process import READER
 
             READER.start()
         from recoil_acquisition.store import is_shot_file, shot_summary
@@ -240,7 +240,7 @@ def export(
     if format_name not in (names := exporter_names()):
         raise typer.BadParameter(f"{format_name!r} is none of {', '.join(names)}")
     with Session(json, debug) as session:
-        from recoil_acquisition.reader_process import READER
+        from recoil_acquisition.processes.reader_process import READER
 
         READER.start()
         from recoil_daq.arguments import named_shot

@@ -120,7 +120,7 @@ def _memory(text: str) -> float | None:
         return None
     if text == MEMORY:  # what reads another loads numpy, and too little memory is to be told first
         return float(text)
-    from recoil_acquisition.typed_quantity import TypedError, typed_quantity
+    from recoil_acquisition.quantities.typed_quantity import TypedError, typed_quantity
 
     try:
         seconds = typed_quantity(text, "s")
@@ -199,7 +199,7 @@ def identify(
         return
     with Session(json, debug) as session:
         if workers == 1 or (len(shots) == 1 and shots[0].is_file()):
-            from recoil_acquisition.reader_process import READER
+            from recoil_acquisition.processes.reader_process import READER
 
             READER.start()  # it loads its libraries while this process loads its own
         from recoil_daq.arguments import refuse_no_rig
@@ -277,7 +277,7 @@ def _sweep(
     if len(shots) != 1 or shots[0].is_dir():
         raise typer.BadParameter("--sweep takes one shot")
     with Session(json, debug) as session:
-        from recoil_acquisition.reader_process import READER
+        from recoil_acquisition.processes.reader_process import READER
 
         READER.start()
         from recoil_daq.arguments import named_shot, refuse_no_rig
@@ -339,7 +339,7 @@ def explain(
                 checked = check_reports(report, shots=shots, workers=workers, progress=progress)
             code = FAULT if checked.faults else OK if checked.again else NOT_VALID
             session.finish(checked.to_json(), checked.show, code)
-        from recoil_acquisition.reader_process import READER
+        from recoil_acquisition.processes.reader_process import READER
 
         READER.start()
         from recoil_daq.campaigns.reproduction import explain as explain_document

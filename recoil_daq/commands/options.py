@@ -43,7 +43,7 @@ def quantity(unit: str, least: float = -math.inf, *, positive: bool = False) -> 
     def number(value: str | float) -> float:
         if not isinstance(value, str):
             return value
-        from recoil_acquisition.typed_quantity import TypedError, typed_quantity
+        from recoil_acquisition.quantities.typed_quantity import TypedError, typed_quantity
 
         try:
             found = typed_quantity(value, unit)

@@ -17,7 +17,7 @@ def _uncertainties(words: list[str]) -> dict[str, float]:
     """Read KEY=U words."""
     if not words:  # what reads them loads numpy, and too little memory is to be told first
         return {}
-    from recoil_acquisition.typed_quantity import TypedError, typed_quantity
+    from recoil_acquisition.quantities.typed_quantity import TypedError, typed_quantity
     from recoil_rigs.shots.stated_uncertainty import unit_of_uncertainty
 
     stated: dict[str, float] = {}

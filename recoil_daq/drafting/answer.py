@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from recoil_acquisition.declaration import DeclaredTable, declared
 from recoil_acquisition.errors import Fault, nearest_first
 from recoil_acquisition.files.bounded_toml import toml_value, typed_value
-from recoil_acquisition.quantity import UNITS, find_unit, normalise_unit
-from recoil_acquisition.typed_quantity import number_and_unit, typed_quantity
+from recoil_acquisition.quantities.declaration import DeclaredTable, declared
+from recoil_acquisition.quantities.quantity import UNITS, find_unit, normalise_unit
+from recoil_acquisition.quantities.typed_quantity import number_and_unit, typed_quantity
 from recoil_rigs.checks.plausible import U_SHARE
 from recoil_rigs.mechanism.bounds import Bounds
 from recoil_rigs.mechanism.mechanism_parameters import UNITS as UNITS_OF_SYMBOLS

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.clocks.timebase import usual_step_s
-from recoil_acquisition.quantity import UNITS, Unit
+from recoil_acquisition.quantities.quantity import UNITS, Unit
 from recoil_daq.drafting.recorded_source import PIXELS, RecordedSignal
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.redundant_alignment import align_redundant

@@ -8,9 +8,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.declaration import DeclaredTable
 from recoil_acquisition.files.shot_name import numbers_of
-from recoil_acquisition.quantity import find_unit
+from recoil_acquisition.quantities.declaration import DeclaredTable
+from recoil_acquisition.quantities.quantity import find_unit
 from recoil_daq.drafting.answer import a_symbol, a_table, one_of
 from recoil_daq.drafting.drafted_channels import DraftedChannels
 from recoil_daq.drafting.evidence import Evidence

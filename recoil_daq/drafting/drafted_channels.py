@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit
+from recoil_acquisition.quantities.quantity import SI_UNITS, UNITS, find_unit
 from recoil_daq.drafting.answer import a_number, a_sensitivity, a_sign, a_unit, as_text, one_of, two_numbers
 from recoil_daq.drafting.clock_proposal import Twin
 from recoil_daq.drafting.evidence import Evidence, certificate_of

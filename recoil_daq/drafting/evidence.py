@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit
+from recoil_acquisition.quantities.quantity import SI_UNITS, UNITS, find_unit
 from recoil_daq.drafting.clock_proposal import ClockProposal, Twin, by_motion, by_twin, find_twins
 from recoil_daq.drafting.line_clocks import by_exposure, by_trigger
 from recoil_daq.drafting.other_rig import OtherRig

@@ -24,7 +24,7 @@ from recoil_acquisition.files.bounded_toml import parse_toml
 from recoil_acquisition.files.new_file import give_name, partial_path
 from recoil_acquisition.files.regular_file import check_regular
 from recoil_acquisition.files.shot_name import numbers_of
-from recoil_acquisition.linear_algebra import on_one_thread
+from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_daq.arguments import shot_file_error
 from recoil_daq.drafting.answer import Answer
 from recoil_daq.drafting.draft import draft_tables

@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.clocks.timebase import TimeBase
-from recoil_acquisition.declaration import stated_number, unit_of_key
 from recoil_acquisition.errors import ReadError, RecoilDaqError, UnknownFormatError
 from recoil_acquisition.files.regular_file import check_regular, read_beginning
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.log.record import DATA
-from recoil_acquisition.quantity import Unit, find_unit
+from recoil_acquisition.quantities.declaration import stated_number, unit_of_key
+from recoil_acquisition.quantities.quantity import Unit, find_unit
+from recoil_acquisition.quantities.typed_quantity import TypedError
 from recoil_acquisition.readers.captured import LIVE, CapturedSource, sources_of
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations, Reader
@@ -28,7 +29,6 @@ from recoil_acquisition.readers.serial.frame_fields import CLOCK_FIELD, CLOCK_MO
 from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from recoil_acquisition.readers.text.proposed_layout import propose_layout
 from recoil_acquisition.remark import NoteCode
-from recoil_acquisition.typed_quantity import TypedError
 from recoil_daq.drafting.answer import a_number, a_table, as_text, one_of
 from recoil_daq.drafting.other_rig import OtherRig
 from recoil_daq.drafting.rig_draft import Entry, Question

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.errors import RecoilDaqError
+from recoil_acquisition.quantities.typed_quantity import typed_quantity
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
 from recoil_acquisition.store.shot_log_row import NUMBERS, ShotLogRow
-from recoil_acquisition.typed_quantity import typed_quantity
 
 QUESTION = "added mass of the shots to come, kg, and its u (such as 12.5 0.05); - for not stated"
 NOT_STATED = "-"

@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples, LiveSource, open_source, signals_of
 from recoil_acquisition.devices.device import EVENT, Block, Counters
 from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.devices.tick_clock import START_S
 from recoil_acquisition.errors import DeviceError, RecoilDaqError
 from recoil_acquisition.files.temporary_folder import temporary_folder
-from recoil_acquisition.quality_check import Verdict
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.shot.quality_check import Verdict
 from recoil_daq.live.sensor_range import allowed
 from recoil_daq.live.shot import losses_of, lost_anything
 from recoil_daq.live.trigger_at_rest import ConditionAtRest, conditions_at_rest

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.cut import acquisition_in, capture_has, write_everything, write_shot
 from recoil_acquisition.capture.replay import replayed
 from recoil_acquisition.capture.session_record import (
@@ -26,6 +25,7 @@ from recoil_acquisition.log.folder import Log, find_logs, open_log
 from recoil_acquisition.log.segment import SUFFIX, is_being_written
 from recoil_acquisition.log.tally import Loss
 from recoil_acquisition.remark import Caution, CautionCode
+from recoil_acquisition.shot.acquisition import Acquisition
 from recoil_acquisition.trigger import ShotWindow, Trigger
 from recoil_daq.live.journal_windows import (
     delivered,

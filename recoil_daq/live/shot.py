@@ -8,12 +8,12 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.devices.device import Counters
 from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.log.segment import SUFFIX
+from recoil_acquisition.shot.acquisition import Acquisition
+from recoil_acquisition.shot.usability import Usability
 from recoil_acquisition.trigger import Decision, ShotWindow
-from recoil_acquisition.usability import Usability
 from recoil_daq.live.added_mass import AddedMass
 from recoil_daq.terminal.verdict_line import VerdictLine
 

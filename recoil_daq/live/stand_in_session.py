@@ -7,11 +7,11 @@ from pathlib import Path
 
 from recoil_acquisition.capture.session_record import KINDS, LiveRecord, RecordedSource, wall_of_name
 from recoil_acquisition.clocks.host_clock import Anchor
-from recoil_acquisition.declaration import checked
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.live_kind import live_kind_of
 from recoil_acquisition.log.folder import Log
 from recoil_acquisition.log.record import OWN, Kind
+from recoil_acquisition.quantities.declaration import checked
 from recoil_rigs.rig import load_rig
 
 _OF_ALL = (Kind.EVENT, Kind.IDLE)

@@ -10,7 +10,7 @@ from typing import Any
 
 from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
 from recoil_acquisition.errors import quoted
-from recoil_acquisition.quality_check import Check
+from recoil_acquisition.shot.quality_check import Check
 from recoil_daq.live.display import Display
 from recoil_daq.live.interruption import as_ctrl_c
 from recoil_daq.live.trigger_at_rest import times

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, MissingChannelError, RecoilDaqError, RigError, Row
-from recoil_acquisition.linear_algebra import on_one_thread
-from recoil_acquisition.quality_check import Check
-from recoil_acquisition.quantity import Unit
+from recoil_acquisition.numerics.linear_algebra import on_one_thread
+from recoil_acquisition.quantities.quantity import Unit
 from recoil_acquisition.readers.own_rows import own_base
 from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording, SignalHeader
 from recoil_acquisition.remark import Caution, Note, NoteCode, ReasonCode, Severity, findings_of
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.quality_check import Check
+from recoil_acquisition.shot.shot import Shot
 from recoil_daq.recording.ingest import explained_reader_of, match_sources
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import RecoilDaqError
-from recoil_acquisition.shortage import is_shortage, shortage_of
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.processes.shortage import is_shortage, shortage_of
+from recoil_acquisition.shot.shot import Shot
 from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.terminal.session import FAULT, NOT_VALID, OK, error_document
 from recoil_rigs.rig import Rig, parse_rig

@@ -9,8 +9,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from recoil_acquisition.errors import RecoilDaqError, StoreError
-from recoil_acquisition.recorded_file import Double, RecordedFile, doubles, named_files
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.recorded_file import Double, RecordedFile, doubles, named_files
+from recoil_acquisition.shot.shot import InputFile
 from recoil_acquisition.store import recorded_files
 
 Others = Mapping[Path, tuple[RecordedFile, ...]]

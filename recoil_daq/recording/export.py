@@ -13,7 +13,7 @@ from recoil_acquisition.errors import StoreError
 from recoil_acquisition.exporters.content import Content, gather
 from recoil_acquisition.exporters.publication import ExportedFile, write_export
 from recoil_acquisition.exporters.table import exporter_of
-from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.shot.shot import InputFile, Shot
 from recoil_acquisition.store import read_shot
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__

@@ -13,23 +13,23 @@ from unicodedata import normalize
 
 import numpy as np
 
-from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition
 from recoil_acquisition.capture.cut import acquisition_of_declaration
-from recoil_acquisition.causes import shot_findings
 from recoil_acquisition.channel import Step
 from recoil_acquisition.errors import CorruptFileError, ErrorCode, FileEnd, ReadError, StoreError, UnknownFormatError
 from recoil_acquisition.files.regular_file import check_regular
 from recoil_acquisition.files.shot_name import numbers_of, shot_name_fault
-from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.log.capture import read_capture
+from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_acquisition.readers.acquired_span import within_the_window
 from recoil_acquisition.readers.captured import LIVE, sources_of
 from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.serial.raw_bytes import look_into_file
 from recoil_acquisition.readers.table import BY_LAYOUT, reader_by_name, recognise
-from recoil_acquisition.recorded_file import EXCERPTS, INGEST, RecordedFile
-from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.shot.acquisition import AT_TRIGGER, Acquisition
+from recoil_acquisition.shot.causes import shot_findings
+from recoil_acquisition.shot.recorded_file import EXCERPTS, INGEST, RecordedFile
+from recoil_acquisition.shot.shot import InputFile, Shot
 from recoil_acquisition.store import write_shot
 from recoil_daq.recording.doubles import made_in, refusal
 from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, DAY_OF, add_row, as_planned

@@ -11,11 +11,11 @@ from typing import Any
 
 from recoil_acquisition.errors import ErrorCode, ReadError, RecoilDaqError, StoreError, UnknownFormatError
 from recoil_acquisition.files.shot_name import numbers_of
-from recoil_acquisition.quality_check import Verdict
 from recoil_acquisition.readers.captured import LIVE
+from recoil_acquisition.shot.quality_check import Verdict
+from recoil_acquisition.shot.usability import Usability
 from recoil_acquisition.store import is_shot_file
 from recoil_acquisition.store.shot_log import SHOT_LOG
-from recoil_acquisition.usability import Usability
 from recoil_daq.recording.doubles import refused_twice
 from recoil_daq.recording.ingest import ingest_files, reader_of, shot_place
 from recoil_daq.recording.shot_log_rows import TakenRows, add_row, take_rows

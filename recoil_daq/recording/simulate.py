@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.linear_algebra import on_one_thread
+from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
 from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_daq.terminal.result import Printed, Progress

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError, StoreError
-from recoil_acquisition.extras import PDF
 from recoil_acquisition.files.regular_file import read_beginning
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.packages.extras import PDF
+from recoil_acquisition.shot.shot import InputFile
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.output import Pages
 from recoil_identification.report.document.report_files import SEAL

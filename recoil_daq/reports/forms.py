@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, fields
 from importlib.metadata import version
 from typing import Any
 
-from recoil_acquisition.extras import PDF
+from recoil_acquisition.packages.extras import PDF
 from recoil_identification.report.document.report_files import DRAWN
 from recoil_identification.report.page.page_files import script_sha256
 

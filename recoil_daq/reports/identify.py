@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import IdentificationError, ReadError, StoreError
-from recoil_acquisition.linear_algebra import on_one_thread
-from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.numerics.linear_algebra import on_one_thread
+from recoil_acquisition.shot.shot import InputFile, Shot
 from recoil_daq.arguments import named_shot
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.output import Output, Pages

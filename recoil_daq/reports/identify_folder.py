@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import IdentificationError, RecoilDaqError, StoreError
-from recoil_acquisition.linear_algebra import on_one_thread
-from recoil_acquisition.quality_check import Verdict
-from recoil_acquisition.recorded_file import Double
+from recoil_acquisition.numerics.linear_algebra import on_one_thread
+from recoil_acquisition.shot.quality_check import Verdict
+from recoil_acquisition.shot.recorded_file import Double
 from recoil_acquisition.store import shot_summary
 from recoil_daq.recording.doubles import set_aside
 from recoil_daq.reports.comparison import Beside

@@ -11,11 +11,11 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.extras import NOTEBOOK
 from recoil_acquisition.files.regular_file import read_small
 from recoil_acquisition.files.strict_json import told_in_one_line
-from recoil_acquisition.linear_algebra import on_one_thread
-from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.numerics.linear_algebra import on_one_thread
+from recoil_acquisition.packages.extras import NOTEBOOK
+from recoil_acquisition.shot.shot import InputFile, Shot
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.identify import FILES, report_pages, reported
 from recoil_daq.reports.output import Output

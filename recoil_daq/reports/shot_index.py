@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.files.strict_json import told_in_one_line
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.shot import InputFile
 from recoil_acquisition.store import shot_summary
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_acquisition.store.shot_log_row import ShotLogRow

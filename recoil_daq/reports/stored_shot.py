@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.remark import Note, NoteCode
-from recoil_acquisition.shot import ClockAlignment, InputFile, Shot
+from recoil_acquisition.shot.shot import ClockAlignment, InputFile, Shot
 from recoil_acquisition.store import read_shot
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_acquisition.store.shot_log_row import ShotLogRow

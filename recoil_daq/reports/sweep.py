@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 from recoil_acquisition.errors import IdentificationError, RecoilDaqError
 from recoil_acquisition.files.regular_file import read_beginning, read_small
 from recoil_acquisition.files.strict_json import told_in_one_line
-from recoil_acquisition.linear_algebra import on_one_thread
-from recoil_acquisition.shot import InputFile
-from recoil_acquisition.typed_quantity import typed_quantity
+from recoil_acquisition.numerics.linear_algebra import on_one_thread
+from recoil_acquisition.quantities.typed_quantity import typed_quantity
+from recoil_acquisition.shot.shot import InputFile
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.terminal.result import PagedDocument, Progress

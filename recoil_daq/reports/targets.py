@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.linear_algebra import on_one_thread
+from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_acquisition.remark import Note, NoteCode
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.shot import InputFile
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import StoredShot, read_stored

@@ -8,9 +8,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import visible
-from recoil_acquisition.quality_check import Check
+from recoil_acquisition.shot.quality_check import Check
+from recoil_acquisition.shot.usability import Usability
 from recoil_acquisition.store.shot_log_row import ShotLogRow
-from recoil_acquisition.usability import Usability
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.overview import print_shots
 from recoil_daq.terminal.tables import print_assumptions, print_table, say

@@ -45,7 +45,7 @@ class Session:
 
     def __enter__(self) -> Session:
         from recoil_acquisition.errors import ShortageError
-        from recoil_acquisition.shortage import check_address_space
+        from recoil_acquisition.processes.shortage import check_address_space
 
         try:
             check_address_space()
@@ -60,7 +60,7 @@ class Session:
             typer.echo("interrupted; nothing half-written was left behind", err=True)
             raise typer.Exit(INTERRUPTED) from None
         from recoil_acquisition.errors import RecoilDaqError
-        from recoil_acquisition.shortage import is_shortage, shortage_of
+        from recoil_acquisition.processes.shortage import is_shortage, shortage_of
 
         refused = _refused_path(error)
         if error is None or not (isinstance(error, RecoilDaqError) or is_shortage(error) or refused is not None):

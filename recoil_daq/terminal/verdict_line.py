@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from recoil_acquisition.quality_check import Check, Verdict
 from recoil_acquisition.remark import Severity
-from recoil_acquisition.usability import Usability
+from recoil_acquisition.shot.quality_check import Check, Verdict
+from recoil_acquisition.shot.usability import Usability
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.declaration import DeclaredRows, declared, declared_rows, unknown_keys
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, RigError, Row
 from recoil_acquisition.files.bounded_toml import parse_toml
-from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.quantities.declaration import DeclaredRows, declared, declared_rows, unknown_keys
+from recoil_acquisition.quantities.quantity import SI_UNITS
 from recoil_acquisition.trigger.detector import Trigger
 from recoil_acquisition.trigger.table import declared_trigger
 from recoil_rigs.mechanism.mechanism_parameters import MECHANISM, Mechanism

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from recoil_daq.recording.ingest import match_sources, reader_of
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_rigs.rig import Rig

@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.cut import acquisition_in
 from recoil_acquisition.capture.session_record import live_record_of
 from recoil_acquisition.devices.device import EVENT
 from recoil_acquisition.frames.can_rows import parse_rows
 from recoil_acquisition.log.folder import Log, open_log
+from recoil_acquisition.shot.acquisition import Acquisition
 from tests.builders.live_rigs import LiveProcess, armed, kill_and_recover, multicast_device, write_live_rig
 from tests.builders.port_player import FRAME_BYTES, NOTHING, BusPlayer, Player, PortPlayer, Tally, tally
 

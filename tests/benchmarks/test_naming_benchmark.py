@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, norm
 
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from recoil_identification.rows.equation_of_motion import change, ramps
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options

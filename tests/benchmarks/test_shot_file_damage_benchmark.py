@@ -18,8 +18,8 @@ import h5py
 import pytest
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.reader_process import READER, cpu_s, most_bytes
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.processes.reader_process import READER, cpu_s, most_bytes
+from recoil_acquisition.shot.shot import Shot
 from recoil_acquisition.store import is_shot_file, read_shot, reading, shot_summary, write_shot
 from recoil_daq.live.tables import print_acquisition
 from recoil_daq.terminal.file import print_summary

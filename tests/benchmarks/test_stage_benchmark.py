@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.shot.filter_choice import choose_filter
 from recoil_identification.shot.preparation import prepare

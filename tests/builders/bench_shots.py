@@ -18,7 +18,7 @@ from recoil_acquisition.channel import Channel, RawCounts
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import MissingChannelError
 from recoil_acquisition.readers.recording import SignalHeader
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from recoil_acquisition.track import Track
 from recoil_processing.double_integral import integrate
 from recoil_processing.shot.regression import Regression, build_regression

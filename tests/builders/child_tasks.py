@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from recoil_acquisition.child_process import put, take
+from recoil_acquisition.processes.child_process import put, take
 
 
 def main(what: str, *rest: str) -> None:

@@ -13,8 +13,8 @@ from hypothesis.extra import numpy as npst
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
-from recoil_acquisition.quantity import SI_UNITS
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.quantities.quantity import SI_UNITS
+from recoil_acquisition.shot.shot import Shot
 
 START = {"text": "2026-03-01T10:15:00.250", "zone": "unknown", "origin": "preamble, line 4"}
 COUNT = 6

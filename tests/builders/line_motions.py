@@ -10,7 +10,7 @@ import numpy as np
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.clocks.timebase import TimeBase
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.line_rigs import ROLES, line_rig
 

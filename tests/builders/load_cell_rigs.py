@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from recoil_daq.recording.ingest import ingest_files
 from recoil_rigs.rig import Rig, parse_rig
 from recoil_rigs.twin import draw_scene, simulate_shot

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import replace
 
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 
 
 def fired_again(shot: Shot, name: str) -> Shot:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.frames.checksum import CHECKSUMS
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 
 G_M_S2 = 9.80665
 GAUGE_BITS, RATE_PER_COUNT, ACC_G_PER_COUNT = {"p_brake": 0.0005, "p_recuperator": 0.0002}, 1.0 / 32768.0, 1e-3

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
 Array = NDArray[np.float64]

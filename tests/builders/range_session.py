@@ -12,12 +12,12 @@ from typing import Any, ClassVar
 
 import pytest
 
-from recoil_acquisition.acquisition import AcquiredSource, Acquisition
 from recoil_acquisition.capture.live_session import CapturedShot
 from recoil_acquisition.capture.session_record import session_folder
 from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.clocks.host_clock import Anchor
 from recoil_acquisition.devices.device import Block, event_block
+from recoil_acquisition.shot.acquisition import AcquiredSource, Acquisition
 from recoil_acquisition.trigger import ShotWindow
 from recoil_daq.live import range as live_range
 from recoil_daq.live import range_keys, range_states

@@ -9,7 +9,7 @@ from typing import Any
 from recoil_acquisition.capture.engine import Level
 from recoil_acquisition.capture.status import ChannelStatus, SourceStatus
 from recoil_acquisition.devices.device import Counters
-from recoil_acquisition.usability import Usability
+from recoil_acquisition.shot.usability import Usability
 from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.range_state import FigureCode, RangeFigure, RangeShot, RangeSource, RangeState
 from recoil_daq.live.screen.screen_look import Look

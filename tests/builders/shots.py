@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.acquisition import AcquiredEvent, AcquiredSource, Acquisition, TriggerDecision
 from recoil_acquisition.channel import Channel, RawCounts, Step
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
-from recoil_acquisition.quality_check import Check, QualityCheck
-from recoil_acquisition.shot import ClockAlignment, InputFile, Shot
+from recoil_acquisition.shot.acquisition import AcquiredEvent, AcquiredSource, Acquisition, TriggerDecision
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
+from recoil_acquisition.shot.shot import ClockAlignment, InputFile, Shot
 
 RIG_TEXT = 'schema = "recoil-daq/rig/1"\nname = "bench"  # Prüfstand, µ = 0,1\n'
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.clocks.timebase import TimeBase
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot.shot import ClockAlignment, Shot
 from recoil_processing.alignment.align import judge_motion
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.motion_fit import MotionFit

@@ -7,8 +7,8 @@ from enum import StrEnum
 import pytest
 
 from recoil_acquisition.errors import ErrorCode, FaultCode, FileEnd
-from recoil_acquisition.quality_check import Check
 from recoil_acquisition.remark import CautionCode, NoteCode, ReasonCode, Severity
+from recoil_acquisition.shot.quality_check import Check
 from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_processing.repairs.repair import RepairKind
 from recoil_processing.shot.error_source import SourceGroup, SourceKind

@@ -30,7 +30,10 @@ ONE_SENTENCE = ("caution", "detail", "message", "note", "problem", "reason", "re
 """Names of one sentence, in which nothing is looked for, be it by a variable."""
 OTHERS_TEXTS = {
     ("daq/recoil_acquisition/devices/can_device.py", "could not unpack"): "python-can's, which has no type for it",
-    ("daq/recoil_acquisition/shortage.py", "can't start new thread"): "the interpreter's, which has no type for it",
+    (
+        "daq/recoil_acquisition/processes/shortage.py",
+        "can't start new thread",
+    ): "the interpreter's, which has no type for it",
     ("daq/recoil_acquisition/devices/open_fault.py", r"\[Errno (\d+)\]"): "the system's, as a library words it",
     (
         "daq/recoil_acquisition/channel.py",

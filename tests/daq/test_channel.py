@@ -5,7 +5,7 @@ import pytest
 
 from recoil_acquisition.channel import Channel, RawCounts, Step
 from recoil_acquisition.clocks.timebase import TimeBase
-from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.quantities.quantity import SI_UNITS
 
 BASE = TimeBase.uniform("dewetron", 0.0, 1e-3, 4)
 

@@ -12,12 +12,12 @@ import h5py
 import numpy as np
 import pytest
 
-from recoil_acquisition import reader_process
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.reader_process import READER, most_bytes
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.processes import reader_process
+from recoil_acquisition.processes.reader_process import READER, most_bytes
+from recoil_acquisition.shot.shot import Shot
 from recoil_acquisition.store import is_shot_file, read_shot, shot_file, shot_summary, write_shot
 from tests.builders.hostile_shot_files import CRAFTED, SECRET, craft, replace_item, wrong_types
 from tests.builders.shots import make_shot

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from recoil_acquisition.listing import Listed, Listing
-from recoil_acquisition.quality_check import Check, QualityCheck
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from recoil_daq import load_rig, open_recording
 from tests.builders.shots import make_shot
 

@@ -8,8 +8,8 @@ import pickle
 import pytest
 
 from recoil_acquisition.measured import Worded, beside, figures_of, measured, with_figures, worded
-from recoil_acquisition.quality_check import Check, QualityCheck
 from recoil_acquisition.remark import Reason, ReasonCode
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
 
 TEXT = worded("p 20 MPa reads ", measured(12.5, "MPa", ".3g"), " and ", measured(-3, "kN", "+.1f"), ".")
 

@@ -23,16 +23,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from recoil_acquisition.acquisition import AcquiredEvent, AcquiredSource, Acquisition, TriggerDecision
 from recoil_acquisition.channel import Channel, RawCounts, Step
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.files.shot_name import shot_name_fault
 from recoil_acquisition.measured import figures_of, measured, worded
-from recoil_acquisition.quality_check import Check, QualityCheck
-from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.quantities.quantity import SI_UNITS
 from recoil_acquisition.remark import Reason, ReasonCode
-from recoil_acquisition.shot import ClockAlignment, InputFile, Shot
+from recoil_acquisition.shot.acquisition import AcquiredEvent, AcquiredSource, Acquisition, TriggerDecision
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
+from recoil_acquisition.shot.shot import ClockAlignment, InputFile, Shot
 from recoil_acquisition.store import layout, read_shot, shot_file, shot_summary, write_shot
 from recoil_acquisition.store.shot_file import first_difference, is_shot_file
 from tests.builders.shots import CLOCK_FIT, make_acquisition, make_shot, recorder_channel

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import recoil_identification
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 
 def values() -> list[type]:

@@ -5,7 +5,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.motion.scale_and_zero import ScaleAndZero
 from recoil_processing.repairs.autoregressive import Interpolation

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 import typer
 
-from recoil_acquisition import shortage
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.processes import shortage
+from recoil_acquisition.processes.shortage import LEAST_BYTES, is_shortage
 from recoil_acquisition.readers.recording import map_to_corrupt_file
-from recoil_acquisition.shortage import LEAST_BYTES, is_shortage
 from recoil_daq.terminal.session import FAULT, Session
 
 SHORTAGES = (

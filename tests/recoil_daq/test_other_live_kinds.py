@@ -15,7 +15,6 @@ from pathlib import Path
 
 import pytest
 
-from recoil_acquisition import others
 from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.live_source import LiveSource, open_source
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
@@ -26,6 +25,7 @@ from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
 from recoil_acquisition.errors import DeviceError, ReadError, RigError
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.record import Kind
+from recoil_acquisition.packages import others
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.trigger import Edge, ShotWindow, Trigger

@@ -15,10 +15,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from recoil_acquisition import conformance, others
+from recoil_acquisition import conformance
 from recoil_acquisition.conformance import Case
 from recoil_acquisition.errors import CorruptFileError, IdentificationError, UnknownFormatError
 from recoil_acquisition.exporters.table import EXPORTERS, exporter_names, exporter_of
+from recoil_acquisition.packages import others
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording

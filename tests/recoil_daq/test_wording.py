@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from recoil_acquisition.errors import Fault, RecoilDaqError
 from recoil_acquisition.measured import figures_of, measured, worded
-from recoil_acquisition.quality_check import QualityCheck
 from recoil_acquisition.remark import Remark
+from recoil_acquisition.shot.quality_check import QualityCheck
 from recoil_daq import Simulated, load_rig, simulate
 from recoil_daq.cli import app
 from tests.builders.virtual_shots import SHORTER, with_twin

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import Fault, ReadError, RigError
-from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.quantities.quantity import SI_UNITS
 from recoil_rigs.mechanism.gun import Gun
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import (

@@ -15,12 +15,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples, LiveSource
 from recoil_acquisition.devices.can_device import KERNEL_STAMPED
 from recoil_acquisition.devices.device import CAN, Block, Counters
 from recoil_acquisition.errors import MissingChannelError, ReadError
 from recoil_acquisition.frames import can_rows
+from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.readers.can.buses import bus_number
 from recoil_acquisition.readers.can.decoding import SignalLayout, present
 from recoil_acquisition.readers.can.frames import keys_of_rows

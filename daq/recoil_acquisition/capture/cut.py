@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.acquisition import AcquiredEvent, Acquisition
 from recoil_acquisition.capture.engine import SETTLE_S
 from recoil_acquisition.capture.session_record import LiveRecord
 from recoil_acquisition.devices.device import EVENT, LATE_S, DeviceEvent, event_of
@@ -15,6 +14,7 @@ from recoil_acquisition.errors import CorruptFileError, StoreError, system_error
 from recoil_acquisition.log.capture import capture_holds, capture_scan, write_capture
 from recoil_acquisition.log.folder import Log
 from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind
+from recoil_acquisition.shot.acquisition import AcquiredEvent, Acquisition
 
 SCHEMA = "recoil-daq/capture/1"
 

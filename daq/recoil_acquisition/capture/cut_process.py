@@ -11,12 +11,12 @@ import os
 import sys
 from pathlib import Path
 
-from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.cut import write_shot
 from recoil_acquisition.capture.session_record import live_record_of
-from recoil_acquisition.child_process import isolated
 from recoil_acquisition.errors import RecoilDaqError, StoreError
 from recoil_acquisition.log.folder import open_log
+from recoil_acquisition.processes.child_process import isolated
+from recoil_acquisition.shot.acquisition import Acquisition
 
 _WITHIN_S = 600.0
 

@@ -19,7 +19,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.cut import capture_has
 from recoil_acquisition.capture.cut_process import cut_apart
 from recoil_acquisition.capture.engine import PATIENCE_S, CaptureEngine, CounterHistory
@@ -33,6 +32,7 @@ from recoil_acquisition.errors import DeviceError, RecoilDaqError, StoreError
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.record import Kind
 from recoil_acquisition.log.writer import LogWriter
+from recoil_acquisition.shot.acquisition import Acquisition
 from recoil_acquisition.trigger import Decision, Edge, ShotWindow, Trigger
 
 QUEUE_BYTES = 128 << 20

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.device import Block, Counters, Device
 from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.live_kind import LiveKind, live_kind_of
-from recoil_acquisition.quantity import Unit
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
+from recoil_acquisition.quantities.quantity import Unit
 from recoil_acquisition.readers.can.buses import BusName
 
 

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.clocks.host_clock import Anchor
-from recoil_acquisition.declaration import STRICT, checked
 from recoil_acquisition.devices.device import CAN, EVENT, IDLE, SERIAL, STREAM, Block, Device
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.files.shot_name import check_shot_name
 from recoil_acquisition.live_kind import live_kind_of
 from recoil_acquisition.log.folder import Log
 from recoil_acquisition.log.record import OWN, Kind, Record
+from recoil_acquisition.quantities.declaration import STRICT, checked
 from recoil_acquisition.trigger import Decision, Trigger
 
 SCHEMA = "recoil-daq/live/1"

@@ -6,9 +6,9 @@ import datetime as dt
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from recoil_acquisition.acquisition import AcquiredSource, Acquisition, TriggerDecision
 from recoil_acquisition.capture.session_record import LiveRecord
 from recoil_acquisition.devices.device import Counters
+from recoil_acquisition.shot.acquisition import AcquiredSource, Acquisition, TriggerDecision
 from recoil_acquisition.trigger import ShotWindow, Trigger
 
 NOTHING = Counters()

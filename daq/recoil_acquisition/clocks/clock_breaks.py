@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
+from recoil_acquisition.numerics.normal_distribution import MAD_TO_SIGMA
 
 Instants = NDArray[np.int64]
 Seconds = NDArray[np.float64]

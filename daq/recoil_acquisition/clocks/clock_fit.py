@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.clocks.clock_breaks import FEWEST, find_breaks, join_parts, keep_order, step_by_count
-from recoil_acquisition.normal_distribution import MAD_TO_SIGMA, MEDIAN_LOSS
+from recoil_acquisition.numerics.normal_distribution import MAD_TO_SIGMA, MEDIAN_LOSS
 
 Seconds = NDArray[np.float64]
 Instants = NDArray[np.int64]

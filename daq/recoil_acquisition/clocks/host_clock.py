@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from recoil_acquisition.declaration import STRICT
+from recoil_acquisition.quantities.declaration import STRICT
 
 _ANCHOR_TRIES = 9
 

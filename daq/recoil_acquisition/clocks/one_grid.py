@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
+from recoil_acquisition.numerics.arrays import Array, Flags
 
 PASSED = 0.4
 """Share of the grid's rate up to which a channel passes as it is, to a thousandth."""

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 WALL_CLOCK_NS = 10**18
 """Stamp of September 2001, beyond which a clock counts from 1970, since no other counts 31 years."""

@@ -23,7 +23,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.can_library import load_can_library
 from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.device import CAN, Block, Counters, EmptyLook
 from recoil_acquisition.devices.kernel_drops import GrowingCount, dropped_by_can_link, dropped_by_udp_socket
@@ -32,6 +31,7 @@ from recoil_acquisition.devices.reopening import GRACE_S, ReopenedDevice
 from recoil_acquisition.devices.stream_check import StreamCheck, can_counter_check
 from recoil_acquisition.errors import DeviceError, nearest_first
 from recoil_acquisition.frames import can_rows
+from recoil_acquisition.packages.can_library import load_can_library
 from recoil_acquisition.readers.can.buses import BusName, bus_number
 
 RECEIVE_BUFFER = 16 << 20

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 
 START_S = 0.5
 """Time of an epoch after which its first sample is dated."""

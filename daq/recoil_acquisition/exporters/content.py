@@ -16,7 +16,7 @@ from recoil_acquisition.clocks.one_grid import OnGrid, grid, read_on_grid
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import StoreError, nearest_first
 from recoil_acquisition.files.bounded_toml import parse_toml
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from recoil_acquisition.store.channel_layout import by_time_base
 from recoil_acquisition.store.table import finite, json_text, tree_names
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.exporters.content import Content, TimeBaseGroup
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 
 @dataclass(frozen=True, eq=False)

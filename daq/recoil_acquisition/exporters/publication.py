@@ -14,8 +14,8 @@ from pathlib import Path
 from recoil_acquisition.errors import RecoilDaqError, StoreError, system_errors_as
 from recoil_acquisition.exporters.content import Content
 from recoil_acquisition.exporters.exporter import Exporter, Representation, exact_table, first_difference
-from recoil_acquisition.extras import EXTRAS
 from recoil_acquisition.files.new_file import give_name, partial_path
+from recoil_acquisition.packages.extras import EXTRAS
 
 Progress = Callable[[str], None]
 

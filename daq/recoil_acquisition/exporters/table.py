@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from importlib import import_module
 
 from recoil_acquisition.exporters.exporter import Exporter
-from recoil_acquisition.others import offered
+from recoil_acquisition.packages.others import offered
 
 GROUP = "recoil_daq.exporters"
 """Entry points by which other packages announce their exporters."""

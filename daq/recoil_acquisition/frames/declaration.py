@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.declaration import declared, unknown_keys
 from recoil_acquisition.errors import Fault, FaultCode, FramingError, KeyPath, Row
 from recoil_acquisition.frames.checksum import CHECKSUMS
 from recoil_acquisition.frames.field import TYPE_SIZES, Elements, Field, FrameType, Selector
@@ -30,6 +29,7 @@ from recoil_acquisition.frames.framing_tables import (
     WhenTable,
 )
 from recoil_acquisition.frames.ready_made import from_ready_made
+from recoil_acquisition.quantities.declaration import declared, unknown_keys
 
 _FRAMING = "framing"
 """Key that a framing has in its source."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 
 class Frame(NamedTuple):

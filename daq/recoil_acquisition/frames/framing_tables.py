@@ -6,10 +6,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Positive, Text
 from recoil_acquisition.frames.checksum import CHECKSUMS
 from recoil_acquisition.frames.field import TYPE_SIZES
 from recoil_acquisition.frames.framing import BITS_PER_BYTE
+from recoil_acquisition.quantities.declaration import DeclaredTable, Finite, NotNegative, Positive, Text
 
 MOST_IN_ARRAY = 1024
 

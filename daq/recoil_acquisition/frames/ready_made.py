@@ -18,7 +18,7 @@ from typing import Any
 
 from recoil_acquisition.errors import Fault, FaultCode, nearest_first
 from recoil_acquisition.frames.vectornav_groups import fields_of_header
-from recoil_acquisition.quantity import STANDARD_GRAVITY_M_S2
+from recoil_acquisition.quantities.quantity import STANDARD_GRAVITY_M_S2
 
 _XSENS_SYNC = bytes.fromhex("FAFF36")
 _XDI_TYPES = MappingProxyType(

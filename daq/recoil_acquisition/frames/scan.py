@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.frames.decoder import FrameDecoder
 from recoil_acquisition.frames.frame_set import FrameCollection, FrameSet
 from recoil_acquisition.frames.framing import Framing
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from recoil_acquisition.frames.field import Elements, Field, FrameType
 from recoil_acquisition.frames.frame_set import FrameSet
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.number import numbers_at
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 Places = NDArray[np.int64]
 

@@ -13,10 +13,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition
 from recoil_acquisition.clocks.timebase import WALL_CLOCK_NS, AbsoluteStart
 from recoil_acquisition.readers.excerpt import span_of
 from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.shot.acquisition import AT_TRIGGER, Acquisition
 
 AROUND_S = 0.5
 """Time about the window within which all is kept: a sample comes so late at most of a source that is read in time."""

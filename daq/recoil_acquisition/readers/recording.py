@@ -27,10 +27,10 @@ from recoil_acquisition.errors import (
     RecoilDaqError,
 )
 from recoil_acquisition.listing import Listed, Listing
+from recoil_acquisition.processes.shortage import REMEDY, is_shortage
 from recoil_acquisition.readers.overload import about_overload, find_marks, may_have_marks
 from recoil_acquisition.readers.statements import MOST_SHOWN, NOTHING, Statements, about_open, about_outside, outside
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
-from recoil_acquisition.shortage import REMEDY, is_shortage
 from recoil_acquisition.track import Track
 
 T = TypeVar("T")

@@ -21,9 +21,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from recoil_acquisition.errors import ReadError, UnknownFormatError
-from recoil_acquisition.extras import DEWESOFT, PARQUET, TDMS, XLSX, Extra
 from recoil_acquisition.files.regular_file import check_regular
-from recoil_acquisition.others import offered, warn_of_fault
+from recoil_acquisition.packages.extras import DEWESOFT, PARQUET, TDMS, XLSX, Extra
+from recoil_acquisition.packages.others import offered, warn_of_fault
 from recoil_acquisition.readers.foreign_formats import foreign_format
 from recoil_acquisition.readers.hdf5.rehearsal import needs_rehearsal, rehearse_apart
 from recoil_acquisition.readers.head import HEAD_BYTES, Claim, Head

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel, RawCounts, Step
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.files.strict_json import read_json
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from recoil_acquisition.store.seal import DIGEST, digest_of
 from recoil_acquisition.store.table import new_group, read_table, tree_names
 

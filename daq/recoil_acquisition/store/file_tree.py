@@ -1,9 +1,10 @@
 """The tree of a shot file, read with care, written as plain values, and made again of those.
 
 The HDF5 library was not made for damaged files: of shot files in which twenty bytes are changed it ends the process
-that reads them, more often than not. So this runs in a process of its own (`recoil_acquisition.reader_process`),
-which writes another what it found, as bytes: a document of the tree in JSON, the arrays one behind the other, and a
-last word. Of these bytes `tree_of` makes the tree in memory, without the library and without the file.
+that reads them, more often than not. So this runs in a process of its own
+(`recoil_acquisition.processes.reader_process`), which writes another what it found, as bytes: a document of the tree
+in JSON, the arrays one behind the other, and a last word. Of these bytes `tree_of` makes the tree in memory, without
+the library and without the file.
 
 Nothing is followed that leads out of the file, and nothing is read before all of it is known to be no larger than a
 file of that size may hold.
@@ -22,7 +23,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.reader_process import most_bytes
+from recoil_acquisition.processes.reader_process import most_bytes
 from recoil_acquisition.store.seal import CHANGED, DIGEST, SEAL, seal_of
 
 

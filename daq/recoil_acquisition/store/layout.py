@@ -41,13 +41,14 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.channel import Step
 from recoil_acquisition.files.strict_json import read_json
 from recoil_acquisition.measured import Worded, beside, with_figures
-from recoil_acquisition.quality_check import QualityCheck
 from recoil_acquisition.remark import Reason, ReasonCode
-from recoil_acquisition.shot import ClockAlignment, InputFile, Shot, doubted_clocks
+from recoil_acquisition.shot.acquisition import Acquisition
+from recoil_acquisition.shot.quality_check import QualityCheck
+from recoil_acquisition.shot.shot import ClockAlignment, InputFile, Shot, doubted_clocks
+from recoil_acquisition.shot.usability import usability
 from recoil_acquisition.store.channel_layout import read_channels, write_channels
 from recoil_acquisition.store.table import (
     json_text,
@@ -58,7 +59,6 @@ from recoil_acquisition.store.table import (
     write_table,
     write_text,
 )
-from recoil_acquisition.usability import usability
 
 SCHEMA = "recoil-daq/shot/1"
 PROGRAM = "recoil-daq"

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from recoil_acquisition.child_process import put, take
-from recoil_acquisition.reader_process import ENDED, PIECE
+from recoil_acquisition.processes.child_process import put, take
+from recoil_acquisition.processes.reader_process import ENDED, PIECE
 from recoil_acquisition.readers.hdf5.rehearsal import REHEARSAL, rehearse
 from recoil_acquisition.store.file_tree import write_tree
 

@@ -18,17 +18,18 @@ from weakref import WeakValueDictionary
 
 from numpy.typing import NDArray
 
-from recoil_acquisition.acquisition import AT_TRIGGER
-from recoil_acquisition.causes import Subject, reasons_of, shot_findings
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import ReadError, StoreError, system_errors_as
 from recoil_acquisition.files.new_file import give_name, partial_path
 from recoil_acquisition.files.regular_file import FileState, read_beginning, state_of
 from recoil_acquisition.files.shot_name import check_shot_name
-from recoil_acquisition.reader_process import EXPANSION, READER, SPARE_BYTES
+from recoil_acquisition.processes.reader_process import EXPANSION, READER, SPARE_BYTES
 from recoil_acquisition.readers.hdf5.kind import SIGNATURE
-from recoil_acquisition.recorded_file import RecordedFile
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.acquisition import AT_TRIGGER
+from recoil_acquisition.shot.causes import Subject, reasons_of, shot_findings
+from recoil_acquisition.shot.recorded_file import RecordedFile
+from recoil_acquisition.shot.shot import Shot
+from recoil_acquisition.shot.usability import Usability, usability
 from recoil_acquisition.store.channel_layout import signals_of, time_groups
 from recoil_acquisition.store.file_tree import Group, last_word, tree_of
 from recoil_acquisition.store.layout import (
@@ -46,7 +47,6 @@ from recoil_acquisition.store.layout import (
     write_layout,
 )
 from recoil_acquisition.store.table import finite, json_text, read_text
-from recoil_acquisition.usability import Usability, usability
 
 
 def first_difference(one: Shot, other: Shot) -> str | None:

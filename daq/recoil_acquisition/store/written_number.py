@@ -8,8 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import StoreError
+from recoil_acquisition.quantities.typed_quantity import (
+    COMMA,
+    POINT,
+    NoNumberError,
+    TypedError,
+    number_and_unit,
+    typed_quantity,
+)
 from recoil_acquisition.store.spreadsheet import Line, Spreadsheet
-from recoil_acquisition.typed_quantity import COMMA, POINT, NoNumberError, TypedError, number_and_unit, typed_quantity
 
 _USUAL_MARK = {",": POINT, ";": COMMA, "\t": ""}
 """Decimal mark of the locales whose spreadsheets write this separator; tabs are written everywhere."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Literal
 
-from recoil_acquisition.declaration import STRICT
+from recoil_acquisition.quantities.declaration import STRICT
 
 
 class Suppression(StrEnum):

@@ -29,12 +29,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Positive, Text, declared
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, did_you_mean, nearest_first
-from recoil_acquisition.quantity import SI_UNITS, UNITS, find_rate_unit, find_unit
+from recoil_acquisition.quantities.declaration import DeclaredTable, Finite, NotNegative, Positive, Text, declared
+from recoil_acquisition.quantities.quantity import SI_UNITS, UNITS, find_rate_unit, find_unit
+from recoil_acquisition.quantities.typed_quantity import number_and_unit
 from recoil_acquisition.trigger.condition import Condition, Edge, PulseWidth, RateOfChange, Window
 from recoil_acquisition.trigger.detector import Trigger
-from recoil_acquisition.typed_quantity import number_and_unit
 
 
 class _EdgeTable(DeclaredTable):

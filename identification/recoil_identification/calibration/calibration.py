@@ -18,8 +18,8 @@ from functools import cached_property
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.estimate.budget import BudgetRow, with_shapes_together
 from recoil_identification.estimate.mass import FRICTION, RANDOM, MassEstimate
 from recoil_identification.estimate.monte_carlo import Draw

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.mass_over_time import LEAST_FACTOR, as_if_known
 from recoil_identification.rows.breech_chain import BREECH, SUSPECTED_HZ, Suspect, in_column

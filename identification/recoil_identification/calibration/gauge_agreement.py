@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.unknown import Prior, Unknown

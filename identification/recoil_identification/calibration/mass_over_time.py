@@ -23,9 +23,9 @@ from typing import Literal
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.normal_distribution import CRITICAL_VALUE, probability_text
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE, probability_text
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import Calibration, calibration_of
 from recoil_identification.calibration.noise_in_motion import noise_in_motion
 from recoil_identification.estimate.rounding import in_kg, signed

@@ -25,7 +25,7 @@ from typing import Literal
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.calibration.calibration import Calibration, all_unknowns, calibration_of
 from recoil_identification.calibration.gauge_agreement import gauge_agreement
 from recoil_identification.calibration.noise_in_motion import noise_in_motion, travel_with_noise

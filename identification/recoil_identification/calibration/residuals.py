@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_processing.shot.regression import Regression

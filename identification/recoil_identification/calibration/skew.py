@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.rows.causes import SKEW
 from recoil_processing.alignment.channel_skew import LEAST_NORMALISED_SKEW, measure_skew

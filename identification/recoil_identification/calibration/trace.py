@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.estimate.mass import correlation_factor
 from recoil_identification.memory.limited_memory import limited_memory_least_squares, window_sums
 from recoil_identification.memory.window_length import WindowChoice, choose_window

@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.measured import Worded, joined, measured, worded
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.estimate.mass import ACCELERATION
 from recoil_identification.inference.score import Scores

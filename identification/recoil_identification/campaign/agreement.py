@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.campaign.constancy import CHANGES, beside_shared_change
 from recoil_identification.campaign.joint_fit import JointFit, Trial, joint_fit_under

@@ -15,7 +15,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.remark import Caution
 from recoil_identification.campaign.advice import weighed_to_kg
 from recoil_identification.campaign.joint_fit import JointFit, Trial, joint_fit

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.campaign.agreement import agreement_of, weighed
 from recoil_identification.campaign.campaign import (

@@ -18,8 +18,8 @@ from statistics import median
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_identification.calibration.mass_over_time import DRIFT, HIDDEN_U, LEAST_FACTOR, STEP
 from recoil_identification.campaign.joint_fit import JointFit

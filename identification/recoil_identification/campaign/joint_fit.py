@@ -24,8 +24,8 @@ from functools import cached_property
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.campaign.joint_rows import Column, JointRows, Scatter, WhiteRows
 from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.inference.estimate import Estimate

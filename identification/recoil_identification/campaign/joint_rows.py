@@ -21,8 +21,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.influence import Influence, influences_of
 from recoil_identification.inference.unknown import Prior, Unknown

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc  # scipy.stats has it too, but takes half a second to import
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 SIGNIFICANCE = 0.05
 """Probability below which masses are said to differ."""

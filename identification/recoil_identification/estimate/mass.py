@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.estimate.budget import BudgetRow, combined_u, coverage_factor, effective_degrees_of_freedom
 from recoil_identification.estimate.rounding import in_kg, rounded
 from recoil_processing.shot.error_source import ErrorSource, SourceKind

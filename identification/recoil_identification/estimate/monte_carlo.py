@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.estimate.budget import COVERAGE
 
 Draw = Callable[[np.random.Generator, int], Array]

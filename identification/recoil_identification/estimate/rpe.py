@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.estimate.budget import COVERAGE
 
 RPE_MEANING = "noise can only raise the RPE, so its interval may be one-sided and begin at the RPE itself"

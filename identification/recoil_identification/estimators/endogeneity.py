@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.normal_distribution import probability_text
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.normal_distribution import probability_text
 from recoil_identification.estimate.rounding import plain
 from recoil_identification.estimators.errors_in_variables import instrumental_mass
 from recoil_processing.gaps import runs_of

@@ -21,8 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.gaps import runs_of
 from recoil_processing.shot.clocks.autoregressive_noise import long_run_variance
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 
 @dataclass(frozen=True, eq=False)

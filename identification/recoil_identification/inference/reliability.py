@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_identification.inference.estimate import LEAST_REDUNDANCY, Estimate
 from recoil_identification.inference.unknown import Prior
 

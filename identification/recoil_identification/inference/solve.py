@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.inference.block import Block
 from recoil_identification.inference.estimate import LEAST_REDUNDANCY, Estimate
 from recoil_identification.inference.unknown import Prior, Unknown, exactly_known

@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 Scope = Literal["sensor", "rig", "shot"]
 ROUNDING = 1e-9

@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 GUARDED_PIVOT = 1e-4
 """Sums of products serve above this smallest pivot: their relative error, about 30 eps / pivot, is below 1e-10."""

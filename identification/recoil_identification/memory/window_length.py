@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.memory.limited_memory import limited_memory_least_squares
 
 LEAST_BATCHES = 8

@@ -27,8 +27,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.inference.unknown import Scope
 from recoil_identification.rows.causes import MOST_OF_RATE, SLOPE_HZ, Cause, filtered_columns
 from recoil_processing.filters import LowPass

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown

@@ -16,9 +16,9 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.inference.correlation import Correlation
 from recoil_identification.rows.camera_rows import CameraRows
 from recoil_identification.rows.equation_of_motion import PIECES, ramps

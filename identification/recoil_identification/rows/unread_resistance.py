@@ -20,7 +20,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.rows.causes import Cause, filtered_columns
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge

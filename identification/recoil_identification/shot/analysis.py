@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from recoil_acquisition.causes import as_notes, by_cause
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.measured import worded
+from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_acquisition.remark import Note, NoteCode
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.causes import as_notes, by_cause
+from recoil_acquisition.shot.shot import Shot
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.chain_suspicion import chain_suspicion
 from recoil_identification.calibration.gauge_agreement import gauge_set_aside

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_processing.shot.onset import LEAST_LEVEL_SAMPLES
 from recoil_processing.shot.signals import Offset, Signals
 from recoil_rigs.shots.fired_shot import FiredShot

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_identification.calibration.uncertainty import contributions
 from recoil_identification.estimate.mass import ACCELERATION, MassEstimate, reverse_mass
 from recoil_identification.rows.causes import causes_of

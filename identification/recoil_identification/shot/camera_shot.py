@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.remark import Note, NoteCode
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from recoil_identification.calibration.methods import by_camera, with_residual
 from recoil_identification.rows.camera_rows import LATE
 from recoil_identification.rows.tracked_recoil import TrackedRecoil

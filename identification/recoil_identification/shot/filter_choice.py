@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from recoil_processing.filters import LowPass, LowPassFilter
 from recoil_processing.filters.table import FILTERS, USUAL
 from recoil_processing.gaps import bridge

@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.rows.known_forces import known_forces
 from recoil_identification.rows.sensor_priors import part_of_scale

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.files.strict_json import as_floats
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note, Reason
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.chain_suspicion import ChainSuspicion
 from recoil_identification.calibration.mass_over_time import MassConstancy, MassOverTime

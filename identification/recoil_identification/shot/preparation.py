@@ -8,11 +8,11 @@ from functools import singledispatch
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_identification.calibration.skew import without_skew
 from recoil_processing.gaps import bridge
 from recoil_processing.motion.fusion import FusedMotion

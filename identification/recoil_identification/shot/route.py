@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import Method

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import BESIDE, Calibration
 from recoil_identification.calibration.mass_over_time import TRIMMED, steps_behind
 from recoil_identification.estimate.mass import force_scale

@@ -16,7 +16,7 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from recoil_acquisition.others import announced, at_work, named
+from recoil_acquisition.packages.others import announced, at_work, named
 
 if TYPE_CHECKING:
     from recoil_identification.targets.target import Case

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.measured import beside as figures_beside
-from recoil_acquisition.quality_check import Check
 from recoil_acquisition.remark import Remark, findings_of
-from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.shot.quality_check import Check
+from recoil_acquisition.shot.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_identification.estimate.conformity import conformity_of
 from recoil_identification.report.document.document import outputs_of, provenance_inputs, started

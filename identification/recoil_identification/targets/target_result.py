@@ -15,7 +15,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.remark import Note, Reason
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure.figure import Figure

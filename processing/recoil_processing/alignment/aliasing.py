@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.clocks.timebase import usual_step_s
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.filters.analog_filter import AnalogLowPass
 
 BANDS_PER_RATE = 4

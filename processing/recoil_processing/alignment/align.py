@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from recoil_acquisition.measured import measured, worded
-from recoil_acquisition.shot import AlignmentStatus, ClockAlignment
+from recoil_acquisition.shot.shot import AlignmentStatus, ClockAlignment
 from recoil_processing.alignment.motion_alignment import INFLATIONS
 from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_processing.alignment.redundant_alignment import RedundantFit

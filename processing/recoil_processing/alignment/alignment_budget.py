@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from recoil_acquisition.measured import worded
-from recoil_acquisition.shot import AlignmentStatus, ClockAlignment
+from recoil_acquisition.shot.shot import AlignmentStatus, ClockAlignment
 from recoil_processing.alignment.align import MOST_U_OFFSET_S, hardly_known
 
 SECOND_SIGMA = 4.0

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.alignment.correlation import coarse_lag
 from recoil_processing.alignment.lag_fit import GRID_PER_PERIOD, LagRows, solve_lag
 from recoil_processing.arguments import require_alike

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.arguments import require_finite, require_increasing
 
 MINIMUM_OVERLAP = 0.25

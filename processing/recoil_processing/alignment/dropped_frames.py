@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array, Flags
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.alignment.frame_fault import FrameFault
 from recoil_processing.alignment.motion_least_squares import MotionModel, MotionSolution
 from recoil_processing.alignment.motion_solver import MotionSolver

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.measured import Worded, measured, worded
+from recoil_acquisition.numerics.arrays import Array, Flags
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 
 Places = NDArray[np.int64]
 

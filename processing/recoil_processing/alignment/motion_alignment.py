@@ -31,9 +31,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.clocks.timebase import usual_step_s
 from recoil_acquisition.measured import measured, worded
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.alignment.correlation import CoarseLag, coarse_lag
 from recoil_processing.alignment.dropped_frames import find_frame_faults
 from recoil_processing.alignment.frame_fault import FrameFault, correct_times

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_processing.alignment.lag_fit import NEGLIGIBLE_STEP
 from recoil_processing.alignment.velocity_walk import WalkFilter
 from recoil_processing.double_integral import DoubleIntegral

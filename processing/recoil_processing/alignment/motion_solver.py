@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.alignment.motion_least_squares import MotionModel, MotionSolution, gauss_newton_step
 
 LIKELIER = 2.0

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_acquisition.readers.time.bursts import find_bursts
 from recoil_processing.alignment.aliasing import folded_samples, usual_filter
 from recoil_processing.alignment.correlation import coarse_lag

@@ -22,9 +22,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.normal_distribution import MAD_TO_SIGMA, MEDIAN_LOSS
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.normal_distribution import MAD_TO_SIGMA, MEDIAN_LOSS
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.time.bursts import find_bursts
 from recoil_acquisition.readers.time.counted_beat import is_one_beat
 from recoil_processing.alignment.lattice import count_steps

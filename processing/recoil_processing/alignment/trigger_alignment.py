@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.alignment.pulse_train import MOST_RATE, Indices, Pairing, pair_pulses
 from recoil_processing.arguments import require_increasing, require_not_negative, require_positive
 from recoil_processing.gaps import LONGEST_STEP

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.arguments import require_positive
 
 FilterType = Literal["bessel", "butterworth"]

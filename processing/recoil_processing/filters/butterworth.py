@@ -14,7 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.arguments import require_positive
 from recoil_processing.filters.two_pass import TwoPass
 from recoil_processing.filters.zero_phase_filter import (

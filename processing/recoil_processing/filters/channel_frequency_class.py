@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.arguments import require_positive
 from recoil_processing.filters.two_pass import TwoPass
 from recoil_processing.filters.zero_phase_filter import FilterDescription, apply_bridged, check_shape

@@ -20,7 +20,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.filters.zero_phase_filter import FilterDescription, ZeroPhaseFilter
 
 

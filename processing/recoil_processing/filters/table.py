@@ -16,8 +16,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
-from recoil_acquisition.others import announced, at_work, named
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.packages.others import announced, at_work, named
 from recoil_processing.filters.butterworth import LowPass
 from recoil_processing.filters.zero_phase_filter import FilterDescription, LowPassFilter
 

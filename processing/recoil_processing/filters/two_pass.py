@@ -13,8 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_processing.filters.zero_phase_filter import check_finite
 
 Start = Literal["steady", "mean of ten"]

@@ -13,7 +13,7 @@ from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.arguments import require_positive
 from recoil_processing.gaps import bridge, near
 

@@ -26,8 +26,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_processing.alignment.motion_solver import LIKELIER
 from recoil_processing.arguments import (
     require_alike,

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_processing.alignment.motion_least_squares import LEAST_INDEPENDENCE
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.walk_smoother import WalkSmoother

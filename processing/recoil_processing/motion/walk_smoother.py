@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array, Flags
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.arguments import require_increasing, require_positive
 
 _HERMITE = np.array([[1.0, 0.0, -3.0, 2.0], [0.0, 1.0, -2.0, 1.0], [0.0, 0.0, 3.0, -2.0], [0.0, 0.0, -1.0, 1.0]])

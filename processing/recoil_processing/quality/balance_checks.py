@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.quality.limits import LIMITS, Outcome
 
 LEAST_SAMPLES_CORRELATED = 8

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.measured import Worded, joined, measured, worded
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.gaps import longest_run
 from recoil_processing.noise import noise_sigma
 from recoil_processing.quality.level_checks import NO_SAMPLE

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array, Flags
-from recoil_acquisition.quality_check import Verdict
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_acquisition.readers.tracks.rest import rest_repeats
+from recoil_acquisition.shot.quality_check import Verdict
 from recoil_processing.noise import hiding_resolution, noise_sigma
 from recoil_processing.quality.limits import LIMITS, Outcome
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from recoil_acquisition.measured import worded
-from recoil_acquisition.quality_check import Verdict
+from recoil_acquisition.shot.quality_check import Verdict
 
 Outcome = tuple[Verdict, str]
 NEVER = math.inf

@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.clocks.timebase import usual_step_s
-from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.normal_distribution import MAD_TO_SIGMA
 from recoil_processing.gaps import longest_run
 from recoil_processing.quality.level_checks import NO_SAMPLE
 from recoil_processing.quality.limits import LIMITS, Outcome

@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.measured import measured, worded
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.noise import hiding_resolution, noise_sigma, robust_sigma
 from recoil_processing.quality.frame_checks import SHOWN
 from recoil_processing.quality.limits import LIMITS, Outcome

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.measured import measured, worded
-from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_processing.quality.level_checks import NO_SAMPLE
 from recoil_processing.quality.limits import LIMITS, Outcome
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.filters import LowPassFilter
 from recoil_processing.quality.limits import LIMITS, Outcome
 

@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.measured import measured, worded
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.quality.limits import LIMITS, Outcome
 from recoil_processing.stress_waves.shock_response import octave_frequencies, shock_response
 

@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.clocks.timebase import usual_step_s
 from recoil_acquisition.measured import measured, worded
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_acquisition.readers.tracks.rest import rest_repeats
 from recoil_processing.noise import hiding_resolution, noise_sigma, robust_sigma
 from recoil_processing.quality.frame_checks import MOVING_SIGMA, finite_or_zero

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.measured import measured, worded
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.quality.limits import Outcome
 
 LEAST_JUMP = 0.8

@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
-from recoil_acquisition.quantity import Unit
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
+from recoil_acquisition.quantities.quantity import Unit
 from recoil_processing.gaps import bridge, longest_run, runs_of
 from recoil_processing.noise import noise_sigma
 from recoil_processing.repairs.autoregressive import MOST_ORDER, Interpolation, interpolate_unknown

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.clocks.timebase import rounded_step_s, usual_step_s
-from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.normal_distribution import MAD_TO_SIGMA
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_processing.arguments import require_alike, require_increasing
 from recoil_processing.gaps import runs_of
 from recoil_processing.repairs.repair import Repair, RepairKind

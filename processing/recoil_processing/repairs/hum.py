@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_processing.arguments import require_alike, require_positive
 from recoil_processing.repairs.hum_line import HumLine
 from recoil_processing.repairs.mains_fit import NEIGHBOURS, Baseline

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 
 LEAST_GAIN = 0.01
 """Share of a line below which nothing more is taken off."""

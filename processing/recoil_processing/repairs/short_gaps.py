@@ -14,8 +14,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array, Flags
-from recoil_acquisition.quantity import Unit
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.quantities.quantity import Unit
 from recoil_processing.gaps import bridge, runs_of
 from recoil_processing.noise import noise_sigma
 from recoil_processing.repairs.bridged_gaps import NEARBY_LENGTHS

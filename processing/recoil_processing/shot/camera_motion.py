@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_processing.alignment.motion_alignment import INFLATIONS
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.scale_and_zero import CameraMotion, camera_motion

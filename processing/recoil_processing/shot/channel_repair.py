@@ -14,10 +14,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.quantity import SI_UNITS
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
+from recoil_acquisition.quantities.quantity import SI_UNITS
 from recoil_processing.gaps import runs_of
 from recoil_processing.repairs.clipping import find_clipped, repair_clipping
 from recoil_processing.repairs.droop import invert_droop

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.shot.thinned import thinned_beside
 from recoil_rigs.rig import ChannelSpec
 from recoil_rigs.tables.channel_table import UNRESTED_U_ZERO_REL, range_si

@@ -16,13 +16,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.clocks.timebase import TimeBase, rounded_step_s
 from recoil_acquisition.frames.count_cycle import CountCycle, find_cycle
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.time.counted_beat import frame_numbers
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot.shot import ClockAlignment, Shot
 from recoil_processing.alignment.aliasing import USUAL_ORDER
 from recoil_processing.alignment.alignment_budget import with_uncertainty
 from recoil_processing.alignment.delays import (

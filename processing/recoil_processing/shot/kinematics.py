@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_processing.alignment.motion_alignment import INFLATIONS
 from recoil_processing.double_integral import integrate
 from recoil_processing.filters import Filtered, LowPass, LowPassFilter, filter_alike

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import integrate
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge, first_of_run

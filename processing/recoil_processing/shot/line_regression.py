@@ -11,8 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.filters import LowPassFilter
 from recoil_processing.gaps import runs_of
 from recoil_processing.shot.line_motion import LineMotion

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from functools import singledispatch
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.shot.line_motion import acceleration_on_line, driven_s
 from recoil_processing.shot.onset import find_onset
 from recoil_rigs.mechanism.line import Line

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.gaps import first_of_run
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.thinned import thinned_beside

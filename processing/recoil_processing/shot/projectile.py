@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism

@@ -20,9 +20,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_processing.filters import Filtered, LowPassFilter, filter_alike
 from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.release import FEWEST, end_of_travel, release_index, stop_release_impulse

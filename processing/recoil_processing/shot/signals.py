@@ -15,12 +15,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_processing.gaps import LONGEST_STEP, bridge
 from recoil_processing.noise import robust_sigma, welch_satterthwaite
 from recoil_processing.shot.channel_repair import ChannelRepair, level_samples, mend_samples

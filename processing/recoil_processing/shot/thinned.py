@@ -13,9 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.clocks.timebase import TimeBase
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.gaps import bridge
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.rig_tables import ExposureAlignment, TriggerAlignment

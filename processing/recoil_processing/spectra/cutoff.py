@@ -16,8 +16,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.files.strict_json import as_floats
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.filters import LowPass
 from recoil_processing.spectra.spectral_gap import (
     ENSEMBLE_SHOULDER_DB,

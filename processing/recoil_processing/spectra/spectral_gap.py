@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.arguments import require_positive
 from recoil_processing.gaps import bridge
 from recoil_processing.spectra.spectrum import Spectrum, multitaper, smooth

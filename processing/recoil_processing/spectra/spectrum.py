@@ -15,8 +15,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_processing.arguments import require_finite, require_positive
 
 TIME_BANDWIDTH = 4.0

@@ -15,7 +15,7 @@ from statistics import median
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Complex
+from recoil_acquisition.numerics.arrays import Array, Complex
 from recoil_processing.arguments import require_alike, require_finite
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import near, runs_of

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_processing.arguments import require_finite, require_positive
 
 QUALITY_FACTOR = 10.0

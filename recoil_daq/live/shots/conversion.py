@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.child_process import ChildProcess
 from recoil_acquisition.errors import ReadError, WorkerError
 from recoil_acquisition.files.new_file import remove_partials
+from recoil_acquisition.processes.child_process import ChildProcess
 from recoil_daq.recording.conversion import ConversionTask
 from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_rigs.rig import Rig, rig_text

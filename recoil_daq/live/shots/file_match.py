@@ -9,7 +9,7 @@ from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.shot_name import numbers_of
-from recoil_acquisition.quality_check import Check
+from recoil_acquisition.shot.quality_check import Check
 from recoil_daq.live.shot import LiveShot
 from recoil_daq.live.shots.folder_watch import DroppedFile
 from recoil_daq.recording.ingest import reader_of

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import RecoilDaqError
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_identification.report.document.reproduction import Comparison, Difference
 

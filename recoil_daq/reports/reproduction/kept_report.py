@@ -11,7 +11,7 @@ from typing import Any
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.regular_file import require_name
 from recoil_acquisition.remark import Note, NoteCode
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.shot import InputFile
 from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.identify import report_pages, reported

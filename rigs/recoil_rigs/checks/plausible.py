@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath
-from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.quantities.quantity import SI_UNITS
 from recoil_rigs.mechanism.bounds import LENGTH, Bounds
 from recoil_rigs.mechanism.mechanism_parameters import UNITS, Mechanism
 from recoil_rigs.tables.channel_table import USUAL_GAIN, ChannelSpec, range_si

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, did_you_mean
-from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.quantities.quantity import SI_UNITS
 from recoil_rigs.rig_file import RigFile
 from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.rig_tables import (

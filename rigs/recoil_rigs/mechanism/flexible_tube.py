@@ -36,8 +36,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_rigs.mechanism import model as rigid
 from recoil_rigs.mechanism.beam import integrals, natural_frequencies
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism

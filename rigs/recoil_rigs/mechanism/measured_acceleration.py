@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 
 

@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recoil_acquisition.quantity import STANDARD_GRAVITY_M_S2
+from recoil_acquisition.quantities.quantity import STANDARD_GRAVITY_M_S2
 from recoil_rigs.mechanism.bounds import OF_ROLE, OF_SYMBOL, Bounds
 from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.force_input import AREAS, SIGNS, ForceInput

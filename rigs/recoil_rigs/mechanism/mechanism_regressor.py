@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_rigs.mechanism.model import Mechanism
 
 PARAMETERS = ("m1", "m1 X1", "m1 Y1", "J1", "m2", "m2 s2", "m2 d2", "J2", "m3", "m3 b", "m3 d", "J3A")

@@ -9,9 +9,9 @@ from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.declaration import stated_number, unknown_key
 from recoil_acquisition.errors import Fault, FaultCode
-from recoil_acquisition.typed_quantity import TypedError
+from recoil_acquisition.quantities.declaration import stated_number, unknown_key
+from recoil_acquisition.quantities.typed_quantity import TypedError
 from recoil_rigs.mechanism.mechanism_parameters import MEANINGS, MECHANISM, UNITS, Mechanism, MechanismModel
 from recoil_rigs.mechanism.mechanisms import MECHANISMS
 

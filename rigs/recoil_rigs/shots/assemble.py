@@ -10,10 +10,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import MASK_OVERLOADS, Channel, Step
 from recoil_acquisition.errors import ErrorCode, Fault, FaultCode, ReadError, RigError, Row
-from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.quantities.quantity import SI_UNITS, UNITS, Unit, find_unit
 from recoil_acquisition.readers.own_rows import own_rows
 from recoil_acquisition.readers.recording import Recording, SignalHeader
 from recoil_rigs.rig import ChannelSpec, Rig, Source

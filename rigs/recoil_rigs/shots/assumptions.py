@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from recoil_acquisition.measured import Worded, beside, joined, measured, with_figures, worded
-from recoil_acquisition.quantity import STANDARD_ATMOSPHERE_PA
+from recoil_acquisition.quantities.quantity import STANDARD_ATMOSPHERE_PA
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 from recoil_rigs.rig import Rig

@@ -12,7 +12,7 @@ from functools import cached_property
 from types import MappingProxyType
 
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot.shot import ClockAlignment, Shot
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 from recoil_rigs.tables.force_input import ForceInput
 

@@ -11,7 +11,7 @@ from recoil_acquisition.devices.device import Device, TellingDevice
 from recoil_acquisition.errors import DeviceError, Fault, FaultCode, RigError, Row, nearest_first
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.live_kind import live_kind_of
-from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.quantities.quantity import SI_UNITS
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_acquisition.readers.recording import SignalHeader
 from recoil_rigs.rig import ChannelSpec, Rig, Source

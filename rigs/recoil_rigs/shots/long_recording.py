@@ -12,8 +12,8 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import Fault, ReadError, RigError
+from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.readers.excerpt import excerpt
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.trigger import Trigger, TriggerDetector

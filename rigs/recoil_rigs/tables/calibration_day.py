@@ -8,8 +8,8 @@ from contextlib import suppress
 from enum import StrEnum
 from typing import Any, NamedTuple
 
-from recoil_acquisition.quality_check import Check
 from recoil_acquisition.remark import Severity
+from recoil_acquisition.shot.quality_check import Check
 
 
 class DayOf(StrEnum):

@@ -25,10 +25,10 @@ from recoil_acquisition.errors import (
     quoted,
 )
 from recoil_acquisition.files.regular_file import read_small
-from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit, normalise_unit
+from recoil_acquisition.quantities.quantity import SI_UNITS, UNITS, Unit, find_unit, normalise_unit
+from recoil_acquisition.quantities.typed_quantity import TypedError, typed_quantity
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Line, Spreadsheet
 from recoil_acquisition.store.written_number import decimal_mark
-from recoil_acquisition.typed_quantity import TypedError, typed_quantity
 from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.sensitivity import sensitivity_from_text
 

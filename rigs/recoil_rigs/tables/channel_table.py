@@ -1,6 +1,6 @@
 """The tables of a rig file on channels and their sensors.
 
-Types are strict, see `recoil_acquisition.declaration`.
+Types are strict, see `recoil_acquisition.quantities.declaration`.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Pair, Positive, Text
 from recoil_acquisition.errors import Fault, FaultCode, did_you_mean, nearest_first
-from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit, normalise_unit
+from recoil_acquisition.quantities.declaration import DeclaredTable, Finite, NotNegative, Pair, Positive, Text
+from recoil_acquisition.quantities.quantity import SI_UNITS, UNITS, Unit, find_unit, normalise_unit
 from recoil_rigs.tables.rig_tables import GAUGE_ROLES, ROLES
 from recoil_rigs.tables.sensitivity import (
     Sensitivity,

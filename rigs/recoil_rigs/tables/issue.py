@@ -13,11 +13,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.declaration import DeclaredTable, Pair, Text, Texts, declared
 from recoil_acquisition.errors import Fault, FaultCode, ReadError, RigError
 from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.files.regular_file import read_small
-from recoil_acquisition.quantity import find_unit
+from recoil_acquisition.quantities.declaration import DeclaredTable, Pair, Text, Texts, declared
+from recoil_acquisition.quantities.quantity import find_unit
 
 REPORT = "report"
 """Name of the table in a rig file, and in a header file where it is a table there."""

@@ -14,8 +14,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Positive, Text
 from recoil_acquisition.errors import Fault, FaultCode
+from recoil_acquisition.quantities.declaration import DeclaredTable, Finite, NotNegative, Positive, Text
 from recoil_rigs.tables.channel_table import ChannelSpec
 
 

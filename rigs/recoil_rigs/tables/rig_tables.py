@@ -1,6 +1,6 @@
 """The tables of a rig file: sources, how clocks are aligned, and the roles of channels.
 
-Types are strict, see `recoil_acquisition.declaration`.
+Types are strict, see `recoil_acquisition.quantities.declaration`.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Positive, Text, declared
 from recoil_acquisition.devices.can_device import delivers_several_buses
 from recoil_acquisition.errors import Fault, FaultCode, FramingError
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.live_kind import live_kind_of, live_kinds
+from recoil_acquisition.quantities.declaration import DeclaredTable, Finite, NotNegative, Positive, Text, declared
 from recoil_acquisition.readers.can.buses import bus_number
 from recoil_acquisition.readers.text.layout import TextLayout
 from recoil_acquisition.readers.tracks.layout import TrackLayout

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from recoil_acquisition.errors import nearest_first
-from recoil_acquisition.quantity import UNITS, Unit, find_unit, normalise_unit
-from recoil_acquisition.typed_quantity import number_and_unit
+from recoil_acquisition.quantities.quantity import UNITS, Unit, find_unit, normalise_unit
+from recoil_acquisition.quantities.typed_quantity import number_and_unit
 
 OUTPUTS = ("voltage", "charge", "current", "voltage_ratio")
 """Quantities that a sensor gives out. A voltage ratio is a bridge's output per volt of its supply."""

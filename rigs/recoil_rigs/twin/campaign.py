@@ -10,8 +10,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from recoil_acquisition.declaration import Finite, NotNegative, Positive
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, RigError, did_you_mean
+from recoil_acquisition.quantities.declaration import Finite, NotNegative, Positive
 from recoil_rigs.rig import Rig
 from recoil_rigs.tables.rig_tables import FORCE_SENSOR_ROLES
 from recoil_rigs.twin.instruments import generator

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import Fault, FaultCode, ReadError, Row, did_you_mean, nearest_first
+from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_rigs.rig import ChannelSpec, Source
 from recoil_rigs.twin.files import CanFrame, can_log

@@ -18,8 +18,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.log.record import OWN, SCHEMA, Kind, Record, pack_json, pack_record
+from recoil_acquisition.numerics.arrays import Array, Flags
 
 CAN_EPOCH_S = 1_772_438_400.0
 """Wall-clock time that a virtual CAN log gives for its zero: 2026-03-02 08:00 UTC, a whole second. A virtual rig must

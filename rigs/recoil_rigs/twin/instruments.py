@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_rigs.mechanism.model import Mechanism, carriage_specific_force, specific_acceleration
 from recoil_rigs.rig import Sensor
 from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.twin.line_settings import LineSettings
 from recoil_rigs.twin.unread_forces import SLIDES_FROM_M_S, Unread, UnreadForces, unread_force

@@ -13,8 +13,8 @@ from typing import Any
 
 from pydantic import Field
 
-from recoil_acquisition.declaration import Finite, NotNegative, Positive, declared
 from recoil_acquisition.errors import Fault, FaultCode, RigError, did_you_mean
+from recoil_acquisition.quantities.declaration import Finite, NotNegative, Positive, declared
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import ROLES, Rig
 from recoil_rigs.tables.rig_tables import CARRIED_ROLES, FORCE_ROLES, GAUGE_ROLES

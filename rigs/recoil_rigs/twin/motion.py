@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_rigs.mechanism.flexible_tube import FlexibleTube, sag, uniform_tube
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.twin.equations import Equations, rigid_equations

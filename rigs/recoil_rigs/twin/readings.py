@@ -26,7 +26,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from recoil_acquisition.declaration import Finite, NotNegative, Positive
+from recoil_acquisition.quantities.declaration import Finite, NotNegative, Positive
 
 Damping = Annotated[float, Field(ge=0, lt=1)]
 

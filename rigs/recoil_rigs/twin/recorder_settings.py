@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from recoil_acquisition.declaration import NotNegative, Positive
 from recoil_acquisition.errors import Fault, FaultCode, Row, did_you_mean
+from recoil_acquisition.quantities.declaration import NotNegative, Positive
 from recoil_rigs.rig import ROLES, RedundantAlignment, Rig
 from recoil_rigs.tables.rig_tables import FORCE_SENSOR_ROLES
 from recoil_rigs.twin.readings import Readings

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.twin.line_motion import LineMotion
 from recoil_rigs.twin.motion import Motion

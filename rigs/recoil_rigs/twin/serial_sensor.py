@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import Fault, FaultCode, Row, did_you_mean
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.framing import Framing
+from recoil_acquisition.numerics.arrays import Array
 from recoil_rigs.rig import Source
 from recoil_rigs.twin.files import serial_capture
 from recoil_rigs.twin.instruments import generator

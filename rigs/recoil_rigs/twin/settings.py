@@ -11,8 +11,8 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from recoil_acquisition.declaration import NotNegative, Positive, declared
 from recoil_acquisition.errors import Fault, FaultCode, RigError
+from recoil_acquisition.quantities.declaration import NotNegative, Positive, declared
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import ROLES, Rig
 from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS, LINE_ROLES

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import Fault, FaultCode, Row
-from recoil_acquisition.quantity import SI_UNITS, Unit, find_unit
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.quantities.quantity import SI_UNITS, Unit, find_unit
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 from recoil_rigs.shots.assemble import si_line

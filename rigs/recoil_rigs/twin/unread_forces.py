@@ -42,9 +42,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.declaration import Finite, NotNegative, Positive
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
+from recoil_acquisition.quantities.declaration import Finite, NotNegative, Positive
 
 Unread = Callable[[float, float, float, float, float], float]
 """Function from travel, its rate, pressures of brake and recuperator, and time to the force that no gauge reads."""

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.cut import (
     Cut,
     acquisition_in,
@@ -35,6 +34,7 @@ from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.log.folder import Log, open_log
 from recoil_acquisition.log.record import Kind
 from recoil_acquisition.log.writer import LogWriter
+from recoil_acquisition.shot.acquisition import Acquisition
 from recoil_acquisition.trigger import Decision, Edge, ShotWindow, Trigger
 from tests.builders.live_logs import append, rows_in, source_in, stream_in
 from tests.builders.live_sources import ANCHOR, bus, can_block, can_record, port, serial_block, serial_frame

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from recoil_acquisition.acquisition import AcquiredSource
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
 from recoil_acquisition.capture.shot_record import CounterSpan, acquisition_of
 from recoil_acquisition.devices.device import Counters
+from recoil_acquisition.shot.acquisition import AcquiredSource
 from recoil_acquisition.trigger import Decision, Edge, ShotWindow, Trigger
 from tests.builders.live_sources import ANCHOR
 

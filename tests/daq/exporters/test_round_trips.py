@@ -20,7 +20,7 @@ from recoil_acquisition.exporters.publication import ExportedFile, write_export
 from recoil_acquisition.exporters.table import EXPORTERS, exporter_of
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from tests.builders.exported_files import odd_shots
 from tests.builders.shots import make_shot
 

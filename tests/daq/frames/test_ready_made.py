@@ -14,7 +14,7 @@ from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.ready_made import READY_MADE
 from recoil_acquisition.frames.scan import find_frames
 from recoil_acquisition.frames.values import FieldSeries, decode_fields, gaps
-from recoil_acquisition.quantity import find_unit
+from recoil_acquisition.quantities.quantity import find_unit
 from tests.builders.serial_packets import cobs, summed, witmotion_frame
 from tests.builders.shared_data import shared_file
 

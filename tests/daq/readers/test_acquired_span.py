@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.readers.acquired_span import AROUND_S, within_the_window
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.remark import NoteCode
+from recoil_acquisition.shot.acquisition import Acquisition
 from tests.builders.shots import acquired_source, make_acquisition
 
 TRIGGER_NS, STEP_S = 7_000_000_000, 0.01

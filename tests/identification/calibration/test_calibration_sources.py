@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_identification.calibration import methods
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import Beside

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.calibration.gauge_agreement import gauge_agreement, gauge_set_aside
 from recoil_identification.shot.analysis import identify_shot

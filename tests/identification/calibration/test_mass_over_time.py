@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from recoil_acquisition.normal_distribution import probability_text
+from recoil_acquisition.numerics.normal_distribution import probability_text
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.mass_over_time import (
     BY_SCAN,

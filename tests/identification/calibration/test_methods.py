@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import by_camera
 from recoil_identification.estimate.mass import FRICTION, GAUGES, RANDOM

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot.shot import ClockAlignment, Shot
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.uncertainty import contributions, corrected_mass, note_on_cutoff, other_cutoffs
 from recoil_identification.estimate.budget import BudgetRow

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.shot import InputFile
 from recoil_identification.campaign.combination import combine
 from recoil_identification.campaign.joint_fit import joint_fit_under
 from recoil_identification.report.content.tables import budget

@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 from pypdf import PdfReader
 
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.shot import InputFile
 from recoil_identification.campaign.combination import combine
 from recoil_identification.report.document.campaign_document import campaign_document, campaign_table
 from recoil_identification.report.document.document import report_document

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.clocks.timebase import TimeBase
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import Beside, calibrated_mass
 from recoil_identification.estimate.budget import combined_u

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.quality_check import Check
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.quality_check import Check
+from recoil_acquisition.shot.shot import Shot
 from recoil_identification.calibration.methods import METHODS
 from recoil_identification.inference.solve import solve
 from recoil_identification.rows.camera_rows import CameraRows

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot.shot import ClockAlignment, Shot
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options

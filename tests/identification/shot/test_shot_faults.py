@@ -13,8 +13,8 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.quality_check import QualityCheck
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot.quality_check import QualityCheck
+from recoil_acquisition.shot.shot import ClockAlignment, Shot
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.shot.clocks.shot_clocks import align_clocks

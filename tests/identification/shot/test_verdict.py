@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.quality_check import Check, QualityCheck
 from recoil_acquisition.remark import NoteCode, ReasonCode
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.mass_over_time import HIDDEN_U
 from recoil_identification.calibration.zero_shift import ZeroShift

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.shot import InputFile
 from recoil_identification.report.content.tables import quantities, tolerances
 from recoil_identification.report.document.formulas import formula_of
 from recoil_identification.report.page.html import render_target_page

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.remark import Reason, ReasonCode
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.shot import InputFile
 from recoil_identification.report.figure.figure import Figure, Panel, Trace
 from recoil_identification.report.page.html import render_target_page
 from recoil_identification.targets import TARGETS, target_function

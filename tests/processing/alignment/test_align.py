@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_processing.alignment.align import judge_edges, judge_motion, judge_redundant
 from recoil_processing.alignment.frame_fault import FrameFault
 from recoil_processing.alignment.motion_fit import MotionFit

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_processing.alignment.align import judge_motion
 from recoil_processing.alignment.motion_alignment import SPAN_S, align_motion, camera_velocity, velocity_shift
 from recoil_processing.alignment.motion_fit import MotionFit

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.quantity import UNITS
+from recoil_acquisition.quantities.quantity import UNITS
 from recoil_processing.repairs.short_gaps import LARGEST_SHARE, LEFT, LONGEST_GAP, SHAPES, bridge_short_gaps
 
 RATE_HZ = 50e3

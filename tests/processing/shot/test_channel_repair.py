@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.shot import InputFile
 from recoil_identification.report.document.document import report_document
 from recoil_identification.report.figure.figures import report_figures
 from recoil_identification.shot.analysis import identify_shot

@@ -8,7 +8,7 @@ import pytest
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.clocks.timebase import TimeBase
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from recoil_processing.alignment.stamps import EvenStamps, even_stamps
 from recoil_processing.shot import instants as module
 from recoil_processing.shot.instants import delay_of, instants

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.alignment.motion_alignment import INFLATIONS

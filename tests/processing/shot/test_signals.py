@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.signals import at_instants, collect_signals, on_grid
 from recoil_rigs.shots.fired_shot import FiredShot

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from recoil_acquisition.errors import ReadError, WorkerError
-from recoil_acquisition.extras import Extra
+from recoil_acquisition.packages.extras import Extra
 from recoil_daq import workers as cluster
 from recoil_daq.campaigns.sources import CUTOFF_FILE, SharedCutoff
 from recoil_identification.shot.identified import Options

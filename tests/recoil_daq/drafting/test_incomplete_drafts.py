@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from recoil_acquisition import extras
+from recoil_acquisition.packages import extras
 from recoil_daq.drafting.init import draft_rig
 
 CAMERA_LAYOUT = (

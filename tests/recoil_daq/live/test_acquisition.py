@@ -16,10 +16,10 @@ from typing import Any
 
 import pytest
 
-from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture import live_session
 from recoil_acquisition.capture.engine import CaptureEngine
 from recoil_acquisition.errors import DeviceError, RigError
+from recoil_acquisition.shot.acquisition import Acquisition
 from recoil_acquisition.store import read_shot, shot_summary
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_acquisition.trigger import find_triggers

@@ -11,7 +11,7 @@ import pytest
 
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples
 from recoil_acquisition.errors import RigError
-from recoil_acquisition.quantity import UNITS
+from recoil_acquisition.quantities.quantity import UNITS
 from recoil_acquisition.trigger import Edge, PulseWidth, RateOfChange, Trigger, Window
 from recoil_daq.live.device_check import check_devices
 from recoil_daq.live.output_folder import OutputFolder

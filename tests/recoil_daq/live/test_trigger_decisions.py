@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from recoil_acquisition.capture.live_source import LiveChannel
-from recoil_acquisition.quantity import UNITS
+from recoil_acquisition.quantities.quantity import UNITS
 from recoil_acquisition.trigger import Decision, Edge, Trigger
 from recoil_acquisition.trigger.decision import Suppression
 from recoil_daq.live import trigger_decisions

@@ -8,7 +8,7 @@ from pathlib import Path
 import can
 import pytest
 
-from recoil_acquisition.causes import shot_findings
+from recoil_acquisition.shot.causes import shot_findings
 from recoil_daq import ingest_files
 from recoil_rigs.rig import find_rig, parse_rig
 from recoil_rigs.twin import TwinShot

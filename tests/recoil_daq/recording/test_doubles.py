@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.channel import Step
-from recoil_acquisition.recorded_file import RecordedFile, doubles
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.recorded_file import RecordedFile, doubles
+from recoil_acquisition.shot.shot import InputFile
 from recoil_acquisition.store import read_shot, recorded_files, write_shot
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq import ingest_folder, load_rig

@@ -11,7 +11,7 @@ import pytest
 from scipy.io import savemat
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.extras import CLUSTER, EXTRAS, MDF, NOTEBOOK, PDF, XARRAY, XLSX
+from recoil_acquisition.packages.extras import CLUSTER, EXTRAS, MDF, NOTEBOOK, PDF, XARRAY, XLSX
 from recoil_acquisition.readers.table import BY_LAYOUT, READERS, TableReader
 from recoil_daq.recording.file_summary import open_recording
 from recoil_rigs.rig import load_rig

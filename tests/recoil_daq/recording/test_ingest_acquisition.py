@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from recoil_acquisition.acquisition import AcquiredSource, Acquisition
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.captured import sources_of
+from recoil_acquisition.shot.acquisition import AcquiredSource, Acquisition
 from recoil_acquisition.store import read_shot, shot_summary
 from recoil_daq.recording.ingest import Ingested, ingest_files
 from recoil_rigs.rig import load_rig

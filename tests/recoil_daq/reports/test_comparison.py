@@ -13,7 +13,7 @@ import pytest
 
 import recoil_daq
 from recoil_acquisition.errors import ReadError, StoreError
-from recoil_acquisition.reader_process import READER
+from recoil_acquisition.processes.reader_process import READER
 from recoil_daq import beside
 from recoil_daq.reports.comparison import Others
 from recoil_daq.reports.output import Output

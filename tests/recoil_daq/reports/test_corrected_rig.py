@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from recoil_acquisition.errors import ReadError, RigError
-from recoil_acquisition.quality_check import Check, QualityCheck
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from recoil_acquisition.store import read_shot, write_shot
 from recoil_daq.campaigns.campaign import Combined, campaign
 from recoil_daq.recording.ingest import ingest_files

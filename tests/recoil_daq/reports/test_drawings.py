@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from pypdf import PdfReader
 
-from recoil_acquisition.extras import Extra
-from recoil_acquisition.linear_algebra import on_one_thread
+from recoil_acquisition.numerics.linear_algebra import on_one_thread
+from recoil_acquisition.packages.extras import Extra
 from recoil_daq import identify_file
 from recoil_daq.reports import drawings
 from recoil_daq.reports.forms import Forms

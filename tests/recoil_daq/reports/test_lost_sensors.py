@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.shot.shot import InputFile, Shot
 from recoil_daq.campaigns.sources import CampaignReport
 from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.reports.identify import reported

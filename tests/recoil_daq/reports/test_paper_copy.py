@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from pypdf import PdfReader
 
-from recoil_acquisition.extras import Extra
+from recoil_acquisition.packages.extras import Extra
 from recoil_daq.reports.identify_folder import identify_folder
 from recoil_identification.report.figure.figure import Figure, Panel
 from recoil_identification.report.paper import typeset

@@ -11,7 +11,7 @@ import openpyxl
 import pytest
 
 from recoil_acquisition.errors import ReadError, RigError, StoreError
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from recoil_acquisition.store import write_shot
 from recoil_daq.reports.identify import Reported, identify_file
 from recoil_daq.reports.result import SHEETS, Result, identify, read_report

@@ -16,7 +16,7 @@ import pytest
 from typer.testing import Result
 
 from recoil_acquisition.errors import ReadError, StoreError
-from recoil_acquisition.extras import Extra
+from recoil_acquisition.packages.extras import Extra
 from recoil_daq.reports import shot_index
 from recoil_daq.reports.shot_index import index_shots
 from recoil_identification.report.document import spreadsheet

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import Result
 
-from recoil_acquisition.quality_check import QualityCheck
+from recoil_acquisition.shot.quality_check import QualityCheck
 from recoil_acquisition.store import write_shot
 from recoil_daq.live.screen.armed_screen import ArmedScreen
 from recoil_daq.live.screen.plain_log import PlainLog

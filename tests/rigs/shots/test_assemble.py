@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.channel import RawCounts, Step
 from recoil_acquisition.errors import MissingChannelError, ReadError, RigError
-from recoil_acquisition.quantity import UNITS
+from recoil_acquisition.quantities.quantity import UNITS
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from recoil_rigs.rig import ChannelSpec, Rig, Sensor, parse_rig

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from recoil_acquisition.quantity import UNITS
+from recoil_acquisition.quantities.quantity import UNITS
 from recoil_rigs.rig import load_rig, parse_rig
 from recoil_rigs.shots.assemble import si_line
 from recoil_rigs.shots.assumptions import assumption_lines, assumptions_of

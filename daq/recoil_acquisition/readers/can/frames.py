@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.clocks.timebase import WALL_CLOCK_NS, AbsoluteStart
 from recoil_acquisition.frames import can_rows
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 
 T = TypeVar("T", bound=np.integer[Any])

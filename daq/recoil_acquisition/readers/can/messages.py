@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.can_library import load_can_library
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
+from recoil_acquisition.packages.can_library import load_can_library
 from recoil_acquisition.readers.can.decoding import SignalLayout, layouts_of, told_apart
 from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames, key_of
 from recoil_acquisition.readers.can.multiplexing import MultiplexerRanges

@@ -33,11 +33,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.child_process import isolated
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
-from recoil_acquisition.extras import DEWESOFT
 from recoil_acquisition.files.temporary_folder import PREFIX, remove_left_folders
+from recoil_acquisition.packages.extras import DEWESOFT
+from recoil_acquisition.processes.child_process import isolated
 from recoil_acquisition.readers.containers.stored_time import selected
 from recoil_acquisition.readers.dewesoft import child_process as child
 from recoil_acquisition.readers.reader import Declarations

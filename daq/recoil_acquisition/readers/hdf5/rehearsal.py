@@ -40,7 +40,7 @@ def rehearse_apart(path: Path) -> None:
 
 @functools.lru_cache(maxsize=256)
 def _rehearsed(path: Path, size: int, changed_ns: int) -> None:  # noqa: ARG001 - a file that changed is another one
-    from recoil_acquisition.reader_process import READER
+    from recoil_acquisition.processes.reader_process import READER
 
     try:
         _, fault = READER.ask(path, REHEARSAL, size)

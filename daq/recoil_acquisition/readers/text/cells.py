@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 
-from recoil_acquisition.quantity import find_unit
+from recoil_acquisition.quantities.quantity import find_unit
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 SEPARATORS = ("\t", ";", ",")

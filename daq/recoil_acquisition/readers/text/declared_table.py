@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from recoil_acquisition.declaration import declared as declare
 from recoil_acquisition.errors import CorruptFileError, Fault, FileEnd, ReadError, nearest_first
+from recoil_acquisition.quantities.declaration import declared as declare
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import split_cells, split_unit

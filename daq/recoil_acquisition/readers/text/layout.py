@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from recoil_acquisition.declaration import DeclaredTable, Positive, Text, Texts
 from recoil_acquisition.errors import Fault, FaultCode, nearest_first
+from recoil_acquisition.quantities.declaration import DeclaredTable, Positive, Text, Texts
 
 ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1250", "cp1251", "cp1252", "latin-1", "ascii")
 MOST_ROWS = 1000

@@ -17,12 +17,12 @@ from itertools import takewhile
 from typing import Any, TypeAlias
 
 from recoil_acquisition.files.bounded_toml import toml_value
-from recoil_acquisition.quantity import find_unit
+from recoil_acquisition.quantities.quantity import find_unit
+from recoil_acquisition.quantities.typed_quantity import TypedError, typed_quantity
 from recoil_acquisition.readers.text.cells import BLANKS, has_decimal_comma, is_lost, is_number, split_cells, split_unit
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import is_time_of_day, is_wall_clock
-from recoil_acquisition.typed_quantity import TypedError, typed_quantity
 
 _SEPARATORS = ("\t", ";", ",", "|")
 _FEWEST_ROWS = 2

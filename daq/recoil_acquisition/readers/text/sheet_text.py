@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.extras import XLSX
+from recoil_acquisition.packages.extras import XLSX
 from recoil_acquisition.readers.text.cells import groups_thousands
 
 MOST_ROWS = 1_048_576

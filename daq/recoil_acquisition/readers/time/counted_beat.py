@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.frames.count_cycle import CountCycle
-from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
+from recoil_acquisition.numerics.normal_distribution import MAD_TO_SIGMA
 from recoil_acquisition.readers.time.bursts import Bursts
 
 _LEAST_FRAMES = 32

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from recoil_acquisition.declaration import declared as declare
 from recoil_acquisition.errors import CorruptFileError, Fault, ReadError, Row, system_errors_as
+from recoil_acquisition.quantities.declaration import declared as declare
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import is_lost, lost_value, plain_number, split_cells

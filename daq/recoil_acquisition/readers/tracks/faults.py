@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array, Flags
-from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.normal_distribution import MAD_TO_SIGMA
 from recoil_acquisition.readers.tracks.marker import SUSTAINED, find_marker, own_speed
 from recoil_acquisition.readers.tracks.rest import rest_repeats
 from recoil_acquisition.remark import Note, NoteCode, Remark

@@ -31,9 +31,9 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from recoil_acquisition.declaration import DeclaredTable
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath
-from recoil_acquisition.quantity import find_unit
+from recoil_acquisition.quantities.declaration import DeclaredTable
+from recoil_acquisition.quantities.quantity import find_unit
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.text.cells import SEPARATORS, is_number, split_cells
 from recoil_acquisition.readers.text_file import LongText, TextFile, one_line_end

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.quantity import find_unit
+from recoil_acquisition.quantities.quantity import find_unit
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.statements import Statements, statements_in

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
-from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.normal_distribution import MAD_TO_SIGMA
 
 ROUNDING = 0.6
 """Noise in steps of the resolution up to which rounding alone makes it; rounding itself makes 0.3 to 0.4."""

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from recoil_acquisition.measured import Worded, figures_of, with_figures
-from recoil_acquisition.quantity import Unit, find_unit
+from recoil_acquisition.quantities.quantity import Unit, find_unit
 from recoil_identification.estimate.rounding import MINUS, significant
 from recoil_identification.report.figure.figure import Figure, HorizontalLine, Panel, Trace
 

@@ -9,8 +9,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.quality_check import Check
 from recoil_acquisition.remark import Caution, Note, NoteCode, findings_of
+from recoil_acquisition.shot.quality_check import Check
 from recoil_identification.campaign.agreement import Agreement, Misfit
 from recoil_identification.campaign.campaign import Campaign, Estimated, Learnt, UnreadForce, Used
 from recoil_identification.campaign.charted import Charted, ChartSignal

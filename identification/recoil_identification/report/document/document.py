@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.acquisition import AT_TRIGGER
-from recoil_acquisition.quality_check import Check
-from recoil_acquisition.recorded_file import RecordedFile
 from recoil_acquisition.remark import Note, NoteCode, Remark, findings_of
-from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.shot.acquisition import AT_TRIGGER
+from recoil_acquisition.shot.quality_check import Check
+from recoil_acquisition.shot.recorded_file import RecordedFile
+from recoil_acquisition.shot.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_identification.calibration.hidden_errors import hidden_errors
 from recoil_identification.calibration.mass_over_time import SEED as SEED_OF_CONSTANCY

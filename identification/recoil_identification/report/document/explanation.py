@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from recoil_acquisition.errors import nearest_first
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.shot import Shot
 from recoil_identification.report.document.formulas import Formula, formula_of
 from recoil_identification.report.document.reproduction import parts_of, path_of
 from recoil_processing.shot.regression import PRESSURE_ROLES

@@ -20,11 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.regular_file import read_small
 from recoil_acquisition.files.strict_json import read_json, told_in_one_line
-from recoil_acquisition.linear_algebra import threads
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.linear_algebra import threads
 from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.shot.firing_record import CURVES, Curves
 from recoil_identification.shot.identified import Result

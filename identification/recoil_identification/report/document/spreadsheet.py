@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import StoreError, visible
-from recoil_acquisition.extras import XLSX
+from recoil_acquisition.packages.extras import XLSX
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,8 +7,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from recoil_acquisition.quantity import SI_UNITS
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.quantities.quantity import SI_UNITS
+from recoil_acquisition.shot.shot import Shot
 from recoil_identification.inference.estimate import Estimate
 from recoil_processing.shot.error_source import ErrorSource
 from recoil_rigs.mechanism.mechanism_parameters import MEANINGS

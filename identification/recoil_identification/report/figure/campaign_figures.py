@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_identification.campaign.campaign import Campaign, Used
 from recoil_identification.campaign.charted import NOISE, RESIDUAL, Charted
 from recoil_identification.campaign.charts import (

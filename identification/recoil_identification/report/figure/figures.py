@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_identification.calibration.residuals import histogram, residuals_of, rows_left, whiteness
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure.appearance import METHODS

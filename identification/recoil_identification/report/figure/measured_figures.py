@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_identification.report.figure.figure import TIME, Figure, Panel, Span, Trace, with_interval
 from recoil_identification.shot.identified import Identification
 

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 
 LEAST_STEPS = 64
 """Arrays of fewer numbers are left as they are."""

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.extras import PDF
+from recoil_acquisition.packages.extras import PDF
 
 PNG_PPI = 200
 STANDARD = "a-3b"

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note, NoteCode, findings_of
 from recoil_identification.estimate.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
 from recoil_identification.report.content.result_table import ResultHead

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from recoil_acquisition.usability import Usability
+from recoil_acquisition.shot.usability import Usability
 from recoil_identification.campaign.campaign_shot import numbered
 from recoil_identification.estimate.rounding import rounded
 from recoil_identification.report.content.result_table import (

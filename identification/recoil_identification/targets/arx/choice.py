@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Flags
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.targets.arx.decimated_record import DecimatedRecord
 from recoil_identification.targets.arx.model import ArxModel, ArxOrders, arx_regressors, estimate_arx, residuals
 from recoil_identification.targets.arx.residual_tests import LEVEL, ResidualTest, independence, whiteness

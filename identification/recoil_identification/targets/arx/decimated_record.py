@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_processing.filters import ROWS_PER_CUTOFF, LowPassFilter, filter_alike
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.regression import Regression

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.normal_distribution import probability_text
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.normal_distribution import probability_text
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure.figure import (
     TIME,

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.targets.arx.decimated_record import DecimatedRecord
 from recoil_identification.targets.arx.model import ArxModel, ArxOrders, estimate_arx, robust_covariance
 from recoil_identification.targets.arx.response import dc_gain, inverse

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Complex
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Complex
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.targets.arx.model import ArxModel
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.normal_distribution import probability_text
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.normal_distribution import probability_text
 from recoil_identification.estimate.rounding import MINUS, plain, rounded, significant
 from recoil_identification.targets.arx.choice import OrderTable
 from recoil_identification.targets.arx.mass import GainMass

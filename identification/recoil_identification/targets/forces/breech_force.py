@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from recoil_acquisition.measured import measured, worded
-from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.rounding import in_unit, rounded, significant
 from recoil_identification.targets.forces.figures import force_figures

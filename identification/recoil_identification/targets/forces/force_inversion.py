@@ -19,8 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.targets.forces.measured_force import MeasuredForce, TrackedTravel
 from recoil_identification.targets.forces.regularised_inversion import Inversion, invert
 from recoil_processing.double_integral import DoubleIntegral

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note, NoteCode
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot.shot import ClockAlignment, Shot
 from recoil_identification.rows.causes import Cause, moving_zero, u_delay_s
 from recoil_identification.rows.late_readings import ROLE as BREECH
 from recoil_identification.rows.late_readings import settled_by_late_readings

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.rounding import significant

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.targets.forces.input_smoother import InputModel, Smoothed, follow_intensities
 from recoil_identification.targets.forces.measured_force import MeasuredForce, TrackedTravel
 from recoil_processing.filters import LowPass

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 U_FREE_CLOCK_S = 1e-4
 """Standard uncertainty of an offset between the clocks that the same motion told: it is told anew here, not twice."""

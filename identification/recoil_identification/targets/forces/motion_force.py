@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.targets.forces.force_inversion import InvertedForce, invert_force
 from recoil_identification.targets.forces.force_record import ForceRecord
 from recoil_identification.targets.forces.input_estimate import InputEstimate, estimate_input

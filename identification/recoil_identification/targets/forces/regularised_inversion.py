@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 DECADES = (-12.0, 12.0)
 """Powers of ten of the weight that are tried, over the ratio of the traces of A'A and D'D."""

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 STRUCTURAL_TOLERANCE = 1e-9
 """Share of a column's length below which what others leave of it is rounding."""

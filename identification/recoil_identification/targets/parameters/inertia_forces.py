@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.targets.parameters.mechanism_fit import MechanismFit
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
 from recoil_rigs.mechanism.mechanism_regressor import PARAMETERS, Geometry, regressor, standard_parameters

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_identification.shot.preparation import Prepared
 from recoil_processing.shot.channel_repair import mend_samples
 from recoil_processing.shot.signals import at_instants, on_grid

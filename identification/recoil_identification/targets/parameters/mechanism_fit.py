@@ -27,9 +27,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.estimate.mass import correlation_factor
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.estimate import Estimate

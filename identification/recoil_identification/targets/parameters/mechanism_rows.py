@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.targets.parameters.sensor_errors import RELEASED, SensorError
 from recoil_rigs.mechanism.mechanism_regressor import LOADS, Geometry, load_directions, regressor
 

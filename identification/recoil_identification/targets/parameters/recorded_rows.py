@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.rows.causes import Cause
 from recoil_identification.rows.late_readings import settled_by_late_readings
 from recoil_identification.rows.recorded_causes import recorded_causes

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.shot.shot import Shot
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.shot.preparation import Prepared
 from recoil_identification.targets.parameters.load_cells import LOAD_CELLS

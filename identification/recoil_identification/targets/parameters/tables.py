@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.estimate.rounding import rounded, significant
 from recoil_identification.report.figure.figure import TIME, Figure, HorizontalLine, Panel, Trace
 from recoil_identification.targets.parameters.base_parameters import BaseParameters

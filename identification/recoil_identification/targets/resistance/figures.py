@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure.figure import TIME, ZERO, Figure, Panel, Trace, with_interval
 from recoil_identification.targets.resistance.resistance_comparison import ResistanceOverTime

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.shot.identified import Identification
 from recoil_identification.targets.resistance.packing_friction import Friction
 from recoil_identification.targets.resistance.resistance_fit import FittedBrake, FittedGas

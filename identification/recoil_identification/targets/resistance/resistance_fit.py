@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.targets.resistance.resistance_law import BrakeProfile, GasLaw, fit_brake_profile, fit_gas_law
 from recoil_identification.targets.resistance.resistance_record import ResistanceRecord
 from recoil_processing.gaps import bridge

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.rows.causes import u_delay_s
 from recoil_identification.rows.late_readings import settled_by_late_readings
 from recoil_identification.rows.recorded_causes import recorded_causes

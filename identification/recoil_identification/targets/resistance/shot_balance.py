@@ -19,9 +19,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.normal_distribution import CRITICAL_VALUE
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_processing.double_integral import integrate
 

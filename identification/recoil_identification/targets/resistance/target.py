@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from recoil_acquisition.measured import measured, worded
-from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.rounding import in_unit, rounded, significant

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure.figure import TIME, Figure, HorizontalLine, Panel, Span, Trace, with_interval
 from recoil_identification.targets.stiffness.carriage_record import CarriageRecord

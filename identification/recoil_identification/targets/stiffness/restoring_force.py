@@ -18,8 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.estimate.mass import correlation_factor
 from recoil_identification.memory.limited_memory import WindowStatus, limited_memory_least_squares
 from recoil_identification.targets.stiffness.support_filter import FilteredSupport, Rows

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
+from recoil_acquisition.shot.shot import Shot
 from recoil_identification.estimate.budget import CHOICE_FACTORS
 from recoil_identification.targets.stiffness.carriage_record import MOTION_ROLES, CarriageRecord
 from recoil_identification.targets.stiffness.restoring_force import RestoringFit, fit_restoring_force, rows_of

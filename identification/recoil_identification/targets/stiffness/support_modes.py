@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_rigs.mechanism.model import Mechanism, mass_matrix
 
 

@@ -19,7 +19,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
+from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.targets.stiffness.carriage_record import CarriageRecord
 from recoil_identification.targets.stiffness.mechanism_loads import (
     SLIDING_M_S,

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.measured import measured, worded
+from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.rounding import MINUS, in_unit, significant
 from recoil_identification.targets.stiffness.carriage_record import MOTION_ROLES, CarriageRecord, carriage_record

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 MOST_ORDER = 32
 """Four coefficients per mode of a dozen samples per period or less, and some for the chain's own filter."""

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_rigs.rig import Rig
 

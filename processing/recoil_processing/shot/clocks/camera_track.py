@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_processing.alignment.velocity_walk import WalkFilter
 from recoil_processing.arguments import require_alike, require_increasing
 from recoil_processing.double_integral import DoubleIntegral

@@ -23,9 +23,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_processing.arguments import require_finite, require_not_negative, require_positive
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.noise import noise_sigma

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.autoregressive_noise import fit_noise
 from recoil_processing.shot.regression import Regression

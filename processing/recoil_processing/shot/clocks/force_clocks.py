@@ -14,10 +14,10 @@ from typing import Final
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_processing.alignment.align import failed_alignment, judge_motion
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.motion_fit import MotionFit

@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
-from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import integrate
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass, double_impulse_mass
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_processing.alignment.align import failed_alignment, judge_edges
 from recoil_processing.alignment.alignment_budget import with_second_opinion
 from recoil_processing.alignment.trigger_alignment import align_edges, rising_edges

@@ -12,10 +12,10 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.acquisition import AcquiredSource, Acquisition
 from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
-from recoil_acquisition.quality_check import Check, QualityCheck, Verdict
 from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.shot.acquisition import AcquiredSource, Acquisition
+from recoil_acquisition.shot.quality_check import Check, QualityCheck, Verdict
 
 LIMITS = MappingProxyType(
     {

@@ -14,14 +14,14 @@ from itertools import combinations
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.measured import worded
-from recoil_acquisition.quality_check import Check, QualityCheck
-from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.quantities.quantity import SI_UNITS
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.tracks.marker import find_marker
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_processing.alignment.align import INNOVATION_LIMITS
 from recoil_processing.quality.frame_checks import check_duplicated_pictures, check_frame_rate, duplicated_pictures
 from recoil_processing.quality.limits import Outcome

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array, Flags
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.measured import measured, worded
-from recoil_acquisition.quality_check import Check, Verdict
-from recoil_acquisition.quantity import Unit
+from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.quantities.quantity import Unit
+from recoil_acquisition.shot.quality_check import Check, Verdict
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge, near
 from recoil_processing.quality.clipping_checks import check_clipping, check_flat_tops, check_out_of_band

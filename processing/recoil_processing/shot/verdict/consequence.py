@@ -19,11 +19,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.measured import worded
-from recoil_acquisition.quality_check import Check, QualityCheck
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
+from recoil_acquisition.shot.shot import Shot
 from recoil_processing.alignment.motion_alignment import shows_motion
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge

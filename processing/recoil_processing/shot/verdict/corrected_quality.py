@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 
-from recoil_acquisition.quality_check import QualityCheck
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.quality_check import QualityCheck
+from recoil_acquisition.shot.shot import Shot
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.calibration_day import CalibrationDay

@@ -13,10 +13,10 @@ import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.measured import worded
-from recoil_acquisition.quality_check import Check
 from recoil_acquisition.remark import Reason, ReasonCode
-from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_acquisition.shot import doubted_clocks as clocks_in_doubt
+from recoil_acquisition.shot.quality_check import Check
+from recoil_acquisition.shot.shot import ClockAlignment, Shot
+from recoil_acquisition.shot.shot import doubted_clocks as clocks_in_doubt
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.camera_stand import contradicts_stand
 from recoil_processing.shot.clocks.force_clocks import METHOD as BY_FORCE

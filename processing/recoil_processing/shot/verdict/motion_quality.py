@@ -9,12 +9,12 @@ from functools import singledispatch
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.quality_check import Check, QualityCheck
-from recoil_acquisition.quantity import SI_UNITS
-from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
+from recoil_acquisition.quantities.quantity import SI_UNITS
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
+from recoil_acquisition.shot.shot import ClockAlignment, Shot
 from recoil_processing.alignment.channel_skew import Skew, measure_skew
 from recoil_processing.double_integral import DoubleIntegral, integrate
 from recoil_processing.filters import LowPass

@@ -9,8 +9,8 @@ from itertools import combinations
 import numpy as np
 
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.quality_check import Check, QualityCheck
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_processing.quality.limits import LIMITS
 from recoil_rigs.rig import RedundantAlignment
 from recoil_rigs.shots.assemble import shown_unit

@@ -9,16 +9,16 @@ from types import MappingProxyType
 
 import numpy as np
 
-from recoil_acquisition.arrays import Array
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.files.shot_name import numbers_of
 from recoil_acquisition.measured import joined, worded
-from recoil_acquisition.quality_check import Check, QualityCheck
-from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.quantities.quantity import SI_UNITS
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.remark import Caution, CautionCode
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
+from recoil_acquisition.shot.shot import ClockAlignment, Shot
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.quality.loss_checks import GAP_STEPS

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.reader_process import READER
+from recoil_acquisition.processes.reader_process import READER
 from recoil_acquisition.readers.hdf5.rehearsal import REHEARSAL, needs_rehearsal
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from recoil_acquisition.declaration import declared
 from recoil_acquisition.errors import CorruptFileError, Fault, ReadError
+from recoil_acquisition.quantities.declaration import declared
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.declared_table import DeclaredTextReader

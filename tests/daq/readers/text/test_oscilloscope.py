@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError, UnknownFormatError
-from recoil_acquisition.quantity import find_unit
+from recoil_acquisition.quantities.quantity import find_unit
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import recognise

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from recoil_acquisition.declaration import declared
 from recoil_acquisition.errors import Fault
+from recoil_acquisition.quantities.declaration import declared
 from recoil_acquisition.readers.tracks.layout import TrackLayout
 
 FEATURE = {"name": "Muzzle", "x": "X", "y": "Y"}

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recoil_acquisition.declaration import declared
 from recoil_acquisition.errors import Fault
 from recoil_acquisition.measured import beside, measured, worded
-from recoil_acquisition.quality_check import Check, QualityCheck
+from recoil_acquisition.quantities.declaration import declared
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode, findings_of
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from recoil_identification.campaign.combination import combine
 from recoil_identification.estimate.rounding import MINUS, THIN, fixed, grouped
 from recoil_identification.report.content.chosen_units import ChosenUnits

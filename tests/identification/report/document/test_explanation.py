@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.shot import InputFile
 from recoil_identification.report.document import formulas
 from recoil_identification.report.document.document import report_document
 from recoil_identification.report.document.explanation import EXPLAINED, Entry, explained, unit_of

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from recoil_acquisition.quality_check import Check, QualityCheck
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode, Severity
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
+from recoil_acquisition.shot.shot import InputFile
 from recoil_identification.campaign.combination import combine
 from recoil_identification.report.content.campaign_tables import changed
 from recoil_identification.report.document.campaign_document import campaign_document

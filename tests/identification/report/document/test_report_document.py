@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.shot import InputFile
 from recoil_identification.report.document.document import report_document, true_mass_kg
 from recoil_identification.report.document.report_files import (
     TRACE_COLUMNS,

@@ -12,7 +12,7 @@ import pytest
 from pypdf import PdfReader
 
 from recoil_acquisition.remark import Reason, ReasonCode
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.shot import InputFile
 from recoil_identification.campaign.combination import combine
 from recoil_identification.report.document.campaign_document import campaign_document, with_history
 from recoil_identification.report.document.document import report_document

@@ -13,9 +13,9 @@ from pypdf import PdfReader
 from pypdf.generic import DictionaryObject
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.extras import Extra
+from recoil_acquisition.packages.extras import Extra
 from recoil_acquisition.remark import Reason, ReasonCode
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.shot import InputFile
 from recoil_identification.campaign.combination import combine
 from recoil_identification.report.document.campaign_document import campaign_document
 from recoil_identification.report.document.document import report_document

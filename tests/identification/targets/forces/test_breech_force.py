@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.quality_check import Check, QualityCheck
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from recoil_identification.targets import target_function
 from recoil_identification.targets.forces.force_record import force_record
 from recoil_identification.targets.target import Case

@@ -8,7 +8,7 @@ import pytest
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.clocks.timebase import TimeBase
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot.shot import ClockAlignment, Shot
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.double_integral import integrate

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from recoil_acquisition.acquisition import AcquiredEvent
 from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
-from recoil_acquisition.quality_check import QualityCheck
+from recoil_acquisition.shot.acquisition import AcquiredEvent
+from recoil_acquisition.shot.quality_check import QualityCheck
 from recoil_processing.shot.verdict.acquisition_quality import check_acquisition, check_clock_fits
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.shots.fired_shot import FiredShot

@@ -6,7 +6,7 @@ import numpy as np
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.clocks.timebase import TimeBase
-from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_acquisition.track import Track
 from recoil_processing.shot.verdict.camera_quality import check_frames, check_fusion, check_track, rest_after
 from recoil_rigs.rig import ChannelSpec, Source

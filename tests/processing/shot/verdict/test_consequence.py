@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recoil_acquisition.quality_check import Check, QualityCheck
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
+from recoil_acquisition.shot.shot import Shot
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.verdict.consequence import LEAST_CONSEQUENCE, least_u_rel, set_aside, weighed

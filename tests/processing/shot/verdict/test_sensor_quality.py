@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from recoil_acquisition.quality_check import Check, QualityCheck
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from recoil_processing.shot.verdict.sensor_quality import check_sensors
 from recoil_rigs.rig import parse_rig
 from recoil_rigs.shots.fired_shot import FiredShot

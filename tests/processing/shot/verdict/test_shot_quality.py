@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recoil_acquisition.quality_check import QualityCheck
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot.quality_check import QualityCheck
+from recoil_acquisition.shot.shot import Shot
 from recoil_daq.recording.ingest import ingest_files
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.rig import Rig, load_rig

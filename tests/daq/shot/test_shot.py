@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import AlignmentError, StoreError
-from recoil_acquisition.quality_check import Check, QualityCheck
 from recoil_acquisition.remark import Reason, ReasonCode
-from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_acquisition.usability import Usability
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
+from recoil_acquisition.shot.shot import ClockAlignment, Shot
+from recoil_acquisition.shot.usability import Usability
 from tests.builders.shots import make_shot
 
 

@@ -11,7 +11,7 @@ import re
 from types import MappingProxyType
 
 from recoil_acquisition.errors import nearest_first
-from recoil_acquisition.quantity import UNITS, Unit, normalise_unit
+from recoil_acquisition.quantities.quantity import UNITS, Unit, normalise_unit
 
 POINT, COMMA = ".", ","
 """Decimal marks."""

@@ -22,7 +22,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, Row, did_you_mean, near
-from recoil_acquisition.typed_quantity import NoNumberError, TypedError, number_and_unit, typed_quantity
+from recoil_acquisition.quantities.typed_quantity import NoNumberError, TypedError, number_and_unit, typed_quantity
 
 UNITS_BY_ENDING: Mapping[str, str] = MappingProxyType(
     {

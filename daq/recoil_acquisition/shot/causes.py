@@ -8,8 +8,8 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
 from recoil_acquisition.measured import worded
-from recoil_acquisition.quality_check import Check, QualityCheck
 from recoil_acquisition.remark import Caution, Note, Reason, ReasonCode, Remark, findings_of
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
 
 OneRemark = TypeVar("OneRemark", bound=Remark)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from recoil_acquisition.channel import Step
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.shot.shot import InputFile
 
 INGEST, EXCERPTS = "ingest", "excerpts"
 """Step of a shot's history, and its parameter that says which part of a source's long recording the shot is."""

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from recoil_acquisition.linear_algebra import LIMITS
+from recoil_acquisition.numerics.linear_algebra import LIMITS
 from tests.builders.virtual_shots import SHORTER, with_twin
 
 BEGIN = """
 import threading
 import numpy, scipy.linalg
 from threadpoolctl import ThreadpoolController, threadpool_limits
-from recoil_acquisition.linear_algebra import on_one_thread, stated_threads, threads
+from recoil_acquisition.numerics.linear_algebra import on_one_thread, stated_threads, threads
 
 def now():
     return sorted({one["num_threads"] for one in ThreadpoolController().info()})

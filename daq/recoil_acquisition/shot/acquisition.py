@@ -11,12 +11,12 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from recoil_acquisition.declaration import STRICT, checked
 from recoil_acquisition.files.shot_name import check_shot_name
+from recoil_acquisition.quantities.declaration import STRICT, checked
 
 SCHEMA = "recoil-daq/acquisition/1"
 AT_TRIGGER = "host clock at the trigger"
-"""Origin of the date of a live shot, see `recoil_acquisition.shot.Shot`."""
+"""Origin of the date of a live shot, see `recoil_acquisition.shot.shot.Shot`."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import Field
 
-from recoil_acquisition.declaration import (
+from recoil_acquisition.errors import Fault, FaultCode, Row
+from recoil_acquisition.quantities.declaration import (
     STRICT,
     DeclaredTable,
     Finite,
@@ -20,7 +21,6 @@ from recoil_acquisition.declaration import (
     declared,
     declared_rows,
 )
-from recoil_acquisition.errors import Fault, FaultCode, Row
 
 
 class Part(DeclaredTable):

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from recoil_acquisition.acquisition import (
+from recoil_acquisition.shot.acquisition import (
     AcquiredEvent,
     AcquiredSource,
     Acquisition,

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from recoil_acquisition.child_process import ChildProcess, Ended, isolated
+from recoil_acquisition.processes.child_process import ChildProcess, Ended, isolated
 from tests.builders import child_tasks
 
 TASKS = child_tasks.__name__

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from recoil_acquisition.causes import Subject, by_cause, shot_findings
-from recoil_acquisition.quality_check import Check, QualityCheck
 from recoil_acquisition.remark import Reason, ReasonCode
+from recoil_acquisition.shot.causes import Subject, by_cause, shot_findings
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from tests.builders.shots import make_shot
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from recoil_acquisition.quality_check import Check, QualityCheck, Verdict
 from recoil_acquisition.remark import Caution, Note, Reason, Remark
+from recoil_acquisition.shot.quality_check import Check, QualityCheck, Verdict
 
 
 @pytest.mark.parametrize(

@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.acquisition import Acquisition
-from recoil_acquisition.causes import Subject, reasons_of
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.clocks.one_grid import grid, read_on_grid
 from recoil_acquisition.errors import AlignmentError, ReadError, StoreError, nearest_first, system_errors_as
-from recoil_acquisition.extras import XARRAY
 from recoil_acquisition.files.regular_file import open_regular
 from recoil_acquisition.files.shot_name import check_shot_name
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.measured import joined, worded
-from recoil_acquisition.quality_check import QualityCheck
+from recoil_acquisition.packages.extras import XARRAY
 from recoil_acquisition.remark import Reason, ReasonCode
-from recoil_acquisition.usability import Usability, usability
+from recoil_acquisition.shot.acquisition import Acquisition
+from recoil_acquisition.shot.causes import Subject, reasons_of
+from recoil_acquisition.shot.quality_check import QualityCheck
+from recoil_acquisition.shot.usability import Usability, usability
 
 if TYPE_CHECKING:
     import pandas as pd

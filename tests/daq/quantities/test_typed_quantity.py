@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recoil_acquisition.typed_quantity import TypedError, number_and_unit, typed_quantity
+from recoil_acquisition.quantities.typed_quantity import TypedError, number_and_unit, typed_quantity
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recoil_acquisition.quantity import SI_UNITS, STANDARD_GRAVITY_M_S2, UNITS, find_unit, normalise_unit
+from recoil_acquisition.quantities.quantity import SI_UNITS, STANDARD_GRAVITY_M_S2, UNITS, find_unit, normalise_unit
 
 REGISTRY: pint.UnitRegistry[Any] = pint.UnitRegistry()
 

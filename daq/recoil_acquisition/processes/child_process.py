@@ -16,7 +16,7 @@ import threading
 from dataclasses import dataclass
 from typing import IO, Any, Self, cast
 
-from recoil_acquisition.linear_algebra import LIMITS
+from recoil_acquisition.numerics.linear_algebra import LIMITS
 
 BELOW_NORMAL = 5
 """Nice value of what gives way to an acquisition, and is done before the next shot where other programs are busy too.

@@ -18,8 +18,8 @@ import tempfile
 import threading
 from pathlib import Path
 
-from recoil_acquisition.child_process import ChildProcess
 from recoil_acquisition.errors import StoreError
+from recoil_acquisition.processes.child_process import ChildProcess
 
 CPU_S, CPU_BYTES_PER_S = 20, 500_000
 """Processor time for one file: so much, and from 10 MB on a second for so many bytes; measured is a hundredth of it."""

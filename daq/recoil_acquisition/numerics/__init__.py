@@ -1,0 +1,1 @@
+"""Arrays, how they are kept and calculated with."""

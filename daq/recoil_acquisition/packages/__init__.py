@@ -1,0 +1,1 @@
+"""Packages beside this one: libraries that it needs and those that add to it."""

@@ -1,0 +1,1 @@
+"""Quantities and their units, and what a person declares of them."""

@@ -1,0 +1,1 @@
+"""One firing, assembled from recordings, and what its verdict is made of."""
