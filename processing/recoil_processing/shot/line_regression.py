@@ -18,10 +18,13 @@ from recoil_processing.gaps import runs_of
 from recoil_processing.shot.line_motion import LineMotion
 from recoil_processing.shot.regression import Regression, refuse_lost
 from recoil_processing.shot.signals import Signals
+from recoil_rigs.mechanism.line import Line
 from recoil_rigs.rig import Rig
 
 SLOW_SHARE = 0.05
 """Share of the largest speed below which a body stops."""
+ROWS_OF_A_STROKE = 30
+"""Rows, two per period of the cut-off, that are left of one stroke."""
 LEAST_SPACED = 24
 """Rows of a body on a line below which those of the quiet around its motion are counted."""
 STANDS = 0.2
@@ -33,6 +36,8 @@ class LineRegression(Regression):
     """Both sides of the equation of motion of a body that may move to and fro, driven or held at any time."""
 
     recoils_once = False
+    force_rate_hz = Line.force_rate_hz
+    bands = 2.0  # a pulse on a line may be far shorter than a gun's
     made_of = "all that drives less all that resists and friction"
     scales = ("the scale of what drives", "what no gauge reads of what resists")
     may_change = "mass or friction"
@@ -58,6 +63,11 @@ class LineRegression(Regression):
         # that of which half of the motion is part: about a stop noise makes many short ones
         middle = int(np.searchsorted(np.cumsum(strokes), 0.5 * strokes.sum()))
         return min(float(strokes[middle]) * self.step_s, whole_s)
+
+    @property
+    def least_cutoff_hz(self) -> float:
+        """Cut-off that leaves `ROWS_OF_A_STROKE`: a force that stays the same has its energy at nothing."""
+        return ROWS_OF_A_STROKE / (2.0 * self.stroke_s)
 
     @property
     def before_the_turn(self) -> Flags:

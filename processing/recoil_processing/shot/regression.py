@@ -27,6 +27,7 @@ from recoil_processing.filters import Filtered, LowPassFilter, filter_alike
 from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.release import FEWEST, end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.signals import Signals
+from recoil_rigs.mechanism.gun import Gun
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.tables.force_input import SIGNS
 from recoil_rigs.tables.rig_tables import GAUGE_ROLES
@@ -113,6 +114,10 @@ class Regression(ReadOnlyArrays):
 
     recoils_once: ClassVar[bool] = True
     """Whether it is of one recoil from battery, whose speed nothing tells but the acceleration."""
+    force_rate_hz: ClassVar[float] = Gun.force_rate_hz
+    """Rate that the force needs at most: noise beyond all that it can be would count as energy of it."""
+    bands: ClassVar[float] = 0.0
+    """Cut-off over the force's own band where no spectrum tells; 0 where a fixed one is high enough."""
     made_of: ClassVar[str] = "breech force less brake, recuperator and friction"
     """What the active force is made of, in words."""
     scales: ClassVar[tuple[str, ...]] = (
@@ -184,6 +189,11 @@ class Regression(ReadOnlyArrays):
     def stroke_s(self) -> float:
         """Time of one stroke: that of the interval."""
         return self.interval_s[1] - self.interval_s[0]
+
+    @property
+    def least_cutoff_hz(self) -> float:
+        """Cut-off below which too few rows would be left; 0 where what moves it holds enough of them."""
+        return 0.0
 
     @property
     def before_the_turn(self) -> Flags:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+import pytest
 
 from recoil_processing.filters import LowPass
-from recoil_processing.shot.line_regression import LineRegression
+from recoil_processing.shot.line_regression import ROWS_OF_A_STROKE, LineRegression
+from recoil_processing.shot.thinned import factor_of
 
 TIMES_S = np.arange(2000) * 1e-3
 
@@ -40,3 +44,10 @@ def test_a_period_of_the_cutoff_at_either_end_of_the_record_is_not_trusted() -> 
 
 def test_a_stroke_is_the_time_between_two_stops_of_the_body() -> None:
     assert abs(swinging().stroke_s - 0.5) < 0.05
+
+
+def test_its_cutoff_leaves_rows_enough_of_a_stroke_and_its_force_may_need_any_rate() -> None:
+    body = swinging()
+    assert body.least_cutoff_hz * 2.0 * body.stroke_s == pytest.approx(ROWS_OF_A_STROKE)
+    assert body.force_rate_hz == math.inf
+    assert factor_of(TIMES_S * 1e-4, body.force_rate_hz) == 1 < factor_of(TIMES_S * 1e-4)
