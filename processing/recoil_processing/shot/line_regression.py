@@ -64,6 +64,10 @@ class LineRegression(Regression):
         middle = int(np.searchsorted(np.cumsum(strokes), 0.5 * strokes.sum()))
         return min(float(strokes[middle]) * self.step_s, whole_s)
 
+    def outward(self, velocity_m_s: Array, travel_m: Array) -> tuple[Array, Array]:
+        """Return velocity and travel as their largest values count: either way, and from where it is furthest back."""
+        return np.abs(velocity_m_s), travel_m - np.min(travel_m, initial=np.inf)
+
     @property
     def least_cutoff_hz(self) -> float:
         """Cut-off that leaves `ROWS_OF_A_STROKE`: a force that stays the same has its energy at nothing."""

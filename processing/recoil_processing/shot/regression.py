@@ -190,6 +190,10 @@ class Regression(ReadOnlyArrays):
         """Time of one stroke: that of the interval."""
         return self.interval_s[1] - self.interval_s[0]
 
+    def outward(self, velocity_m_s: Array, travel_m: Array) -> tuple[Array, Array]:
+        """Return velocity and travel as their largest values count: to the rear, and from battery."""
+        return velocity_m_s, travel_m
+
     @property
     def least_cutoff_hz(self) -> float:
         """Cut-off below which too few rows would be left; 0 where what moves it holds enough of them."""

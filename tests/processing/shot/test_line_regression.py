@@ -51,3 +51,9 @@ def test_its_cutoff_leaves_rows_enough_of_a_stroke_and_its_force_may_need_any_ra
     assert body.least_cutoff_hz * 2.0 * body.stroke_s == pytest.approx(ROWS_OF_A_STROKE)
     assert body.force_rate_hz == math.inf
     assert factor_of(TIMES_S * 1e-4, body.force_rate_hz) == 1 < factor_of(TIMES_S * 1e-4)
+
+
+def test_its_velocity_counts_either_way_and_its_travel_from_where_it_is_furthest_back() -> None:
+    velocity, travel = swinging().outward(np.array([-2.0, 1.0]), np.array([-0.5, 0.25]))
+    assert velocity.tolist() == [2.0, 1.0]
+    assert travel.tolist() == [0.0, 0.75]
