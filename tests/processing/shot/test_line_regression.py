@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,6 +33,7 @@ def swinging() -> LineRegression:
         gauges=("push",),
         signs=(1.0,),
         speed_m_s=-np.cos(2 * np.pi * TIMES_S) / (2 * np.pi),
+        travel_m=-np.sin(2 * np.pi * TIMES_S) / (2 * np.pi) ** 2,
     )
 
 
@@ -57,3 +59,26 @@ def test_its_velocity_counts_either_way_and_its_travel_from_where_it_is_furthest
     velocity, travel = swinging().outward(np.array([-2.0, 1.0]), np.array([-0.5, 0.25]))
     assert velocity.tolist() == [2.0, 1.0]
     assert travel.tolist() == [0.0, 0.75]
+
+
+def test_it_has_moved_as_is_told_whatever_its_acceleration_reads() -> None:
+    body = swinging()
+    velocity, travel = body.moved(np.full(TIMES_S.size, np.nan))
+    assert np.array_equal(velocity, body.speed_m_s)
+    assert travel.min() == 0.0
+    assert np.ptp(travel) == pytest.approx(np.ptp(body.travel_m))
+
+
+def test_what_no_gauge_reads_acts_beside_them_with_its_friction_or_as_a_spring() -> None:
+    body = swinging()
+    assert body.unread_column == len(body.gauges)
+    turning, staying = body.unread_shapes(body.travel_m, 1.0)
+    assert not turning.any()
+    assert staying == pytest.approx(-math.sqrt(0.5))
+
+
+def test_its_friction_tells_least_where_it_turns() -> None:
+    turning = replace(swinging(), friction_direction=np.cos(2 * np.pi * TIMES_S), turning_n=8.0)
+    left = turning.turning_m_s2(0.5, 2.0)
+    assert left[0] == 0.0
+    assert left[250] == pytest.approx(2.0)
