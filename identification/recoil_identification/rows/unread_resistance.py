@@ -64,7 +64,7 @@ def unread_causes(
     forces = np.column_stack([bridge(column, otherwise=0.0) for column in recorded.forces_n.T])
     resist = [column for column, sign in enumerate(recorded.signs) if sign < 0]
     unread = recorded.unread_column
-    beside = unread == len(recorded.signs)
+    beside = unread < 0
     columns: dict[ErrorSource, tuple[str, float, Array]] = {}
 
     def in_column(column: int, force_n: Array) -> Array:

@@ -133,7 +133,7 @@ def mass_filter(
     band_hz = (None if lost else force_band_hz(recorded)) or math.inf
     most_hz = min(band_hz, choice.low_pass.cutoff_hz, tube_hz)
     # however low that is, the rows must be enough
-    coherent = max(coherent_hz(recorded, most_hz), recorded.least_cutoff_hz)
+    coherent = max(coherent_hz(recorded, most_hz), recorded.stroke_rows / (2.0 * recorded.stroke_s))
     return choice.low_pass.at(min(coherent, choice.low_pass.cutoff_hz))
 
 

@@ -16,15 +16,13 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_processing.filters import LowPassFilter
 from recoil_processing.gaps import runs_of
 from recoil_processing.shot.line_motion import LineMotion
-from recoil_processing.shot.regression import Regression, refuse_lost
+from recoil_processing.shot.regression import LEAST_ROWS, LONGEST_SHARE, Regression, refuse_lost
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.mechanism.line import Line
 from recoil_rigs.rig import Rig
 
 SLOW_SHARE = 0.05
 """Share of the largest speed below which a body stops."""
-ROWS_OF_A_STROKE = 30
-"""Rows, two per period of the cut-off, that are left of one stroke."""
 LEAST_SPACED = 24
 """Rows of a body on a line below which those of the quiet around its motion are counted."""
 STANDS = 0.2
@@ -48,6 +46,9 @@ class LineRegression(Regression):
     turning_n: float = 0.0
 
     recoils_once = False
+    least_identified = 0.0  # it coasts between its drives, and nothing tells a mass then
+    stroke_rows = 30  # a force that stays the same has its energy at nothing
+    unread_column = -1  # beside all gauges
     force_rate_hz = Line.force_rate_hz
     bands = 2.0  # a pulse on a line may be far shorter than a gun's
     made_of = "all that drives less all that resists and friction"
@@ -80,11 +81,6 @@ class LineRegression(Regression):
         """Return velocity and travel as their largest values count: either way, and from where it is furthest back."""
         return np.abs(velocity_m_s), travel_m - np.min(travel_m, initial=np.inf)
 
-    @property
-    def unread_column(self) -> int:
-        """Column of what no gauge reads: beside them all."""
-        return len(self.signs)
-
     def moved(self, acceleration_m_s2: Array) -> tuple[Array, Array]:  # noqa: ARG002 - they are told
         """Return velocity, and travel from where it is least, shape (n,) each: as told."""
         return self.speed_m_s, self.travel_m - float(np.min(self.travel_m[self.inside], initial=np.inf))
@@ -99,9 +95,18 @@ class LineRegression(Regression):
         return np.asarray(share * self.turning_n / mass_kg * turns)
 
     @property
-    def least_cutoff_hz(self) -> float:
-        """Cut-off that leaves `ROWS_OF_A_STROKE`: a force that stays the same has its energy at nothing."""
-        return ROWS_OF_A_STROKE / (2.0 * self.stroke_s)
+    def cut_short(self) -> bool:
+        """Whether the record ends before the recoil does: there is none."""
+        return False
+
+    def begins_in_motion(self, *, rested: bool) -> bool:
+        """Return whether it moves when its record begins, by whether a rest was seen."""
+        return not rested
+
+    @property
+    def memory_s(self) -> float:
+        """Usual memory of its mass over time: a share of a stroke."""
+        return max(LONGEST_SHARE * self.stroke_s, LEAST_ROWS * self.step_s)
 
     @property
     def before_the_turn(self) -> Flags:

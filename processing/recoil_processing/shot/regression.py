@@ -44,7 +44,11 @@ MOST_TURNED = 0.01
 Taken as an instant, the reversal alone would make the friction of many shots too small by 10 %.
 """
 LEAST_ROWS = 10
-"""Fewer rows with errors of their own say nothing about those errors."""
+"""Fewer rows with errors of their own say nothing about those errors, and fewer samples are no memory."""
+MEMORY_S = 0.02
+"""Usual memory of a mass over time."""
+LONGEST_SHARE = 0.25
+"""Share of the motion that the longest one takes."""
 BEGINS = 0.01
 """Travel over which an unread force comes up, share of the stroke: nothing grips before the part moves."""
 SLOWER = 0.25
@@ -114,6 +118,12 @@ class Regression(ReadOnlyArrays):
     """Rate that the force needs at most: noise beyond all that it can be would count as energy of it."""
     bands: ClassVar[float] = 0.0
     """Cut-off over the force's own band where no spectrum tells; 0 where a fixed one is high enough."""
+    least_identified: ClassVar[float] = 0.5
+    """Share of identified samples below which a mass over time does not describe the motion."""
+    stroke_rows: ClassVar[int] = 0
+    """Rows, two per period of the cut-off, that are left of one stroke however low the force's band is."""
+    unread_column: ClassVar[int] = FORCES.index("brake")
+    """Column of what no gauge reads: the brake's reads nearly all of what resists, and it is as if it read less."""
     made_of: ClassVar[str] = "breech force less brake, recuperator and friction"
     """What the active force is made of, in words."""
     scales: ClassVar[tuple[str, ...]] = (
@@ -190,11 +200,6 @@ class Regression(ReadOnlyArrays):
         """Return velocity and travel as their largest values count: to the rear, and from battery."""
         return velocity_m_s, travel_m
 
-    @property
-    def unread_column(self) -> int:
-        """Column of what no gauge reads: the brake's reads nearly all of what resists, and it is as if it read less."""
-        return FORCES.index("brake")
-
     def moved(self, acceleration_m_s2: Array) -> tuple[Array, Array]:
         """Return velocity, and travel from where it is least, shape (n,) each: integrals of an acceleration."""
         moving = self.inside.astype(np.float64)
@@ -210,9 +215,18 @@ class Regression(ReadOnlyArrays):
         return np.zeros(self.times_s.size)
 
     @property
-    def least_cutoff_hz(self) -> float:
-        """Cut-off below which too few rows would be left; 0 where what moves it holds enough of them."""
-        return 0.0
+    def cut_short(self) -> bool:
+        """Whether the record ends before the recoil does."""
+        return bool(self.interval_s[1] >= self.times_s[-1])
+
+    def begins_in_motion(self, *, rested: bool) -> bool:  # noqa: ARG002 - nothing moves before it is fired
+        """Return whether it moves when its record begins, by whether a rest was seen."""
+        return False
+
+    @property
+    def memory_s(self) -> float:
+        """Usual memory of its mass over time."""
+        return MEMORY_S
 
     @property
     def before_the_turn(self) -> Flags:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from recoil_processing.filters import LowPass
-from recoil_processing.shot.line_regression import ROWS_OF_A_STROKE, LineRegression
+from recoil_processing.shot.line_regression import LineRegression
 from recoil_processing.shot.thinned import factor_of
 
 TIMES_S = np.arange(2000) * 1e-3
@@ -48,9 +48,8 @@ def test_a_stroke_is_the_time_between_two_stops_of_the_body() -> None:
     assert abs(swinging().stroke_s - 0.5) < 0.05
 
 
-def test_its_cutoff_leaves_rows_enough_of_a_stroke_and_its_force_may_need_any_rate() -> None:
+def test_its_force_may_need_any_rate() -> None:
     body = swinging()
-    assert body.least_cutoff_hz * 2.0 * body.stroke_s == pytest.approx(ROWS_OF_A_STROKE)
     assert body.force_rate_hz == math.inf
     assert factor_of(TIMES_S * 1e-4, body.force_rate_hz) == 1 < factor_of(TIMES_S * 1e-4)
 
@@ -71,7 +70,7 @@ def test_it_has_moved_as_is_told_whatever_its_acceleration_reads() -> None:
 
 def test_what_no_gauge_reads_acts_beside_them_with_its_friction_or_as_a_spring() -> None:
     body = swinging()
-    assert body.unread_column == len(body.gauges)
+    assert range(body.forces_n.shape[1])[body.unread_column] == len(body.gauges)
     turning, staying = body.unread_shapes(body.travel_m, 1.0)
     assert not turning.any()
     assert staying == pytest.approx(-math.sqrt(0.5))
@@ -82,3 +81,11 @@ def test_its_friction_tells_least_where_it_turns() -> None:
     left = turning.turning_m_s2(0.5, 2.0)
     assert left[0] == 0.0
     assert left[250] == pytest.approx(2.0)
+
+
+def test_its_memory_is_a_share_of_a_stroke_and_its_record_may_begin_and_end_in_motion() -> None:
+    body = swinging()
+    assert body.memory_s == pytest.approx(0.25 * body.stroke_s)
+    assert not body.cut_short
+    assert body.begins_in_motion(rested=False)
+    assert not body.begins_in_motion(rested=True)
