@@ -342,7 +342,8 @@ def with_residual(calibration: Calibration, regression: Regression) -> Calibrati
 
 def _begins_in_motion(inputs: EstimatorInputs) -> bool:
     """Return whether a body on a line moves when its record begins."""
-    return not inputs.recorded.recoils_once and not math.isfinite(inputs.signals.offsets["recoil_acceleration"].u)
+    u_zero = inputs.signals.offsets["recoil_acceleration"].u
+    return inputs.recorded.begins_in_motion(rested=math.isfinite(u_zero))
 
 
 def _u_zero_m_s2(inputs: EstimatorInputs) -> float:

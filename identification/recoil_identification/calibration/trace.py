@@ -14,14 +14,10 @@ from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.estimate.mass import correlation_factor
 from recoil_identification.memory.limited_memory import limited_memory_least_squares, window_sums
 from recoil_identification.memory.window_length import WindowChoice, choose_window
-from recoil_processing.shot.regression import Regression, spaced_rows
+from recoil_processing.shot.regression import LEAST_ROWS, LONGEST_SHARE, Regression, spaced_rows
 
 SHORTEST_S = 2.5e-3
 """Shortest memory that is tried: below, the pulse alone tells enough, and nothing after it."""
-LONGEST_SHARE = 0.25
-"""Share of the interval that the longest one takes."""
-LEAST_ROWS = 10
-"""Samples that are a memory."""
 PER_OCTAVE = 2
 """Memories that are tried for each doubling."""
 ROWS_PER_CUTOFF = 10.0

@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.numerics.read_only import ReadOnlyArrays
-from recoil_processing.double_integral import integrate
 from recoil_processing.shot.regression import Regression
 
 CORRELATED = (0.03, 0.1)
@@ -80,10 +79,7 @@ class MotionParts(ReadOnlyArrays):
             Standard deviation of the rows at rest.
         """
         moving = np.clip(np.abs(regression.released), 0.0, 1.0)
-        if regression.speed_m_s is None:
-            speed = np.maximum(integrate(regression.inside * regression.acceleration_m_s2, regression.step_s), 0.0)
-        else:
-            speed = np.abs(regression.speed_m_s)
+        speed = np.abs(regression.moved(regression.acceleration_m_s2)[0])
         slow = np.abs(_behind(regression, SLOW, regression.acceleration_m_s2))
         shapes = [moving, *(one / max(float(np.max(one[rows], initial=0.0)), 1e-12) for one in (slow, speed))]
         shapes += [moving] * len(CORRELATED)

@@ -104,9 +104,7 @@ def row_noise(regression: Regression, mass_kg: float, baseline: BaselineNoise | 
     level = 0.0 if baseline is None else math.hypot(baseline.slow_acceleration, baseline.slow_force / mass_kg)
     level *= math.sqrt(_mean_square_gain(regression))
     sigma = np.maximum(np.hypot(level, PROPORTIONAL * regression.acceleration_m_s2), LEAST_NOISE_M_S2)
-    if regression.turning_n:
-        turns = np.clip(1.0 - np.abs(regression.friction_direction), 0.0, 1.0)
-        sigma = np.hypot(sigma, TURNING * regression.turning_n / mass_kg * turns)
+    sigma = np.hypot(sigma, regression.turning_m_s2(TURNING, mass_kg))
     if baseline is None or not level > 0:
         return RowNoise(sigma, 1.0, _size(regression, rows, np.ones(rows.size))[1])
     size, left = _size(regression, rows, sigma[rows])

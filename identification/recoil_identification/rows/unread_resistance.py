@@ -22,10 +22,9 @@ import numpy as np
 
 from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.rows.causes import Cause, filtered_columns
-from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+from recoil_processing.shot.regression import Regression
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 
 SHARE = ErrorSource(SourceKind.UNREAD_SHARE)
@@ -38,9 +37,6 @@ POINTS = 60
 """Points of the travel at which its covariance is written down."""
 LEAST_EIGENVALUE = 1e-3
 """Eigenvalue over the largest one, below which a shape is left out."""
-BEGINS = 0.01
-"""Travel over which it comes up, share of the stroke: nothing grips before the part moves."""
-_BRAKE = PRESSURE_ROLES.index("brake_pressure")
 
 
 def shape_of_force(number: int) -> ErrorSource:
@@ -63,13 +59,12 @@ def unread_causes(
         Acceleration of the recoil, which tells travel and velocity; NaN where lost.
     """
     moving = recorded.inside.astype(np.float64)
-    once = recorded.recoils_once
-    velocity, travel = _moved(recorded, acceleration_m_s2)
+    velocity, travel = recorded.moved(acceleration_m_s2)
     stroke = max(float(travel.max(initial=0.0)), 1e-9)
     forces = np.column_stack([bridge(column, otherwise=0.0) for column in recorded.forces_n.T])
     resist = [column for column, sign in enumerate(recorded.signs) if sign < 0]
-    # beside the gauges of a gun its brake reads nearly all of what resists, and what is unread is as if it read less
-    unread = _BRAKE if once else len(recorded.signs)
+    unread = recorded.unread_column
+    beside = unread < 0
     columns: dict[ErrorSource, tuple[str, float, Array]] = {}
 
     def in_column(column: int, force_n: Array) -> Array:
@@ -80,7 +75,7 @@ def unread_causes(
     u_share = mechanism.u.get("unread_share", 0.0)
     if u_share > 0:
         read = 1.0 + mechanism.unread_share
-        whole = sum(in_column(at, forces[:, at] / read) for at in (resist if once else [*resist, unread]))
+        whole = sum(in_column(at, forces[:, at] / read) for at in sorted({*resist, unread}))
         columns[SHARE] = "1", u_share, np.asarray(whole)
     u_slide = mechanism.u.get("slide_friction", 0.0)
     if u_slide > 0:
@@ -88,17 +83,12 @@ def unread_causes(
     if mechanism.unread_force > 0:
         resistance_n = regression.forces_n[regression.inside][:, [*resist, len(recorded.signs)]].sum(axis=1)
         peak_n = float(np.max(np.abs(resistance_n), initial=0.0))
-        if once:
-            acts = [np.expm1(-travel / (BEGINS * stroke))]
-        else:
-            # to and fro it may turn with the motion, as a friction does, or stay the same, as a spring does: as likely
-            acts = [math.sqrt(0.5) * recorded.friction_direction, -math.sqrt(0.5) * recorded.released]
-        shapes = [(one, shape) for one in acts for shape in force_shapes().T]
+        shapes = [(one, shape) for one in recorded.unread_shapes(travel, stroke) for shape in force_shapes().T]
         for number, (one, shape) in enumerate(shapes):
             over_travel = np.interp(travel / stroke, np.linspace(0.0, 1.0, POINTS), shape)
             force_n = mechanism.unread_force * peak_n * one * over_travel
             columns[shape_of_force(number)] = "1", 1.0, in_column(unread, force_n)
-    if not once:  # where nothing resists nothing is missing
+    if beside:  # where nothing resists nothing is missing
         columns = {source: one for source, one in columns.items() if np.any(one[2])}
     unmoved = np.zeros(moving.size)
     behind = _behind(regression, [forces_n for _, _, forces_n in columns.values()])
@@ -118,19 +108,10 @@ def unread_causes(
             forces_n[:, :-1],
             unmoved,
             scope="rig",
-            beside_n=None if once else forces_n[:, -1],
+            beside_n=forces_n[:, -1] if beside else None,
         )
         for (source, (unit, u, _)), forces_n in zip(columns.items(), behind, strict=True)
     )
-
-
-def _moved(recorded: Regression, acceleration_m_s2: Array) -> tuple[Array, Array]:
-    """Return velocity, and travel from where it is least, shape (n,) each: on a line as told, else integrals."""
-    if recorded.speed_m_s is not None and recorded.travel_m is not None:
-        return recorded.speed_m_s, recorded.travel_m - float(np.min(recorded.travel_m[recorded.inside], initial=np.inf))
-    moving = recorded.inside.astype(np.float64)
-    velocity = np.maximum(integrate(moving * bridge(acceleration_m_s2, otherwise=0.0), recorded.step_s), 0.0)
-    return velocity, integrate(moving * velocity, recorded.step_s)
 
 
 @lru_cache(maxsize=1)

@@ -19,7 +19,7 @@ from recoil_identification.calibration.gauge_agreement import gauge_set_aside
 from recoil_identification.calibration.mass_over_time import mass_constancy, mass_over_time
 from recoil_identification.calibration.methods import FURTHER, Method, calibrated
 from recoil_identification.calibration.skew import find_skew
-from recoil_identification.calibration.trace import LEAST_ROWS, LONGEST_SHARE, trace_window
+from recoil_identification.calibration.trace import trace_window
 from recoil_identification.calibration.uncertainty import contributions, note_on_cutoff
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.mass import forward_mass, reverse_mass
@@ -35,7 +35,7 @@ from recoil_identification.shot.camera_shot import route_by_camera
 from recoil_identification.shot.default_method import default_method
 from recoil_identification.shot.filter_choice import choose_filter, mass_filter
 from recoil_identification.shot.force_checks import force_checks
-from recoil_identification.shot.identified import DEFAULT_WINDOW_S, Identification, Options
+from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.method_result import method_result
 from recoil_identification.shot.preparation import prepare
 from recoil_identification.shot.route import Route
@@ -47,7 +47,7 @@ from recoil_processing.quality.repeatability import ShotPeaks, shot_peaks
 from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
 from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
-from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.regression import MEMORY_S, Regression
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import collect_signals
 from recoil_processing.shot.thinned import THINNED_TO_HZ, thinned
@@ -213,8 +213,9 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         constancy = replace(constancy, gain_of_chain=chain.gain)
     # sensors that were to explain a mass that changes would hide it
     corrections = calibration if constancy is None or constancy.constant else constancy.changed
+    memory_s = route.recorded.memory_s if options.window_s == MEMORY_S else options.window_s
     window_s, window_choice = trace_window(
-        _memory_s(route, options), route.filtered, *corrections.correct(route.filtered), default_s=DEFAULT_WINDOW_S
+        memory_s, route.filtered, *corrections.correct(route.filtered), default_s=MEMORY_S
     )
     results = {
         name: method_result(estimate, route.regressions[name], corrections, window_s, fired.rig)
@@ -249,13 +250,6 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         force_checks=force_checks(calibration, route.signals, fired),
         notes=(*as_notes(explained), *notes_on_doubts(calibration, constancy, chain), *noted, *route.notes),
     )
-
-
-def _memory_s(route: Route, options: Options) -> float | None:
-    """Return the memory of the trace: on a line a share of a stroke, unless another was asked for."""
-    if route.recorded.recoils_once or options.window_s != DEFAULT_WINDOW_S:
-        return options.window_s
-    return max(LONGEST_SHARE * route.recorded.stroke_s, LEAST_ROWS * route.recorded.step_s)
 
 
 def _beside_the_camera(found: Identification, fired: FiredShot) -> Identification:

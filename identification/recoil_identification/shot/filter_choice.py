@@ -34,13 +34,9 @@ LARGEST_SHARE_OF_RATE = 0.2
 """A force that is sampled slowly cannot follow a higher cut-off."""
 LARGEST_SHARE_OF_TUBE = 0.33
 """Cut-off of the fit of the mass over the tube's first mode along its axis: below a third."""
-BANDS_OF_A_LINE = 2.0
-"""Cut-off over the force's own band where no spectrum tells, of a body on a line."""
 MASS_ENERGY = 0.99
 """Share of the force's energy below the cut-off of the fit of the mass: noise above it says nothing more of it."""
 
-ROWS_OF_A_STROKE = 30
-"""Rows, two per period of the cut-off, that are left of one stroke of a body on a line."""
 BAND = 1.6
 """Upper edge over lower edge of the bands in which both sides of the equation of motion are compared."""
 SAMPLES_PER_PERIOD = 16
@@ -136,11 +132,9 @@ def mass_filter(
     lost = not recorded.trusted[recorded.inside].all()
     band_hz = (None if lost else force_band_hz(recorded)) or math.inf
     most_hz = min(band_hz, choice.low_pass.cutoff_hz, tube_hz)
-    coherent = coherent_hz(recorded, most_hz)
-    if not recorded.recoils_once:
-        # a force that stays the same throughout has its energy at nothing, and the rows must be enough all the same
-        coherent = min(max(coherent, ROWS_OF_A_STROKE / (2.0 * recorded.stroke_s)), choice.low_pass.cutoff_hz)
-    return choice.low_pass.at(coherent)
+    # however low that is, the rows must be enough
+    coherent = max(coherent_hz(recorded, most_hz), recorded.stroke_rows / (2.0 * recorded.stroke_s))
+    return choice.low_pass.at(min(coherent, choice.low_pass.cutoff_hz))
 
 
 def coherent_hz(recorded: Regression, most_hz: float) -> float:
@@ -175,8 +169,7 @@ def coherent_hz(recorded: Regression, most_hz: float) -> float:
 def force_band_hz(recorded: Regression) -> float | None:
     """Return the frequency below which the force has nearly all its energy; None where it has it in one bin."""
     times_s, force = recorded.times_s, np.where(np.isfinite(recorded.force_n), recorded.force_n, 0.0)
-    if recorded.recoils_once:  # noise beyond all that a recoil's force can be would count as energy of it
-        times_s, force = thinned_beside(times_s, force)
+    times_s, force = thinned_beside(times_s, force, recorded.force_rate_hz)
     force = force[(times_s >= recorded.interval_s[0]) & (times_s <= recorded.interval_s[1])]
     energy = np.cumsum(np.abs(np.fft.rfft(force, 4 * force.size)) ** 2)
     bin_hz = 1.0 / (float(times_s[1] - times_s[0]) * 4 * force.size)
@@ -244,9 +237,6 @@ def choose_filter(
         )
         return FilterChoice(kind.at(most_hz), basis, said, reason)
     why = "the record allows no spectrum" if said is None else said.reason
-    # a pulse on a line may be far shorter than a gun's
-    band_hz = 0.0 if recorded.recoils_once else force_band_hz(recorded) or 0.0
-    cutoff_hz = min(
-        max(DEFAULT_CUTOFF_HZ, BANDS_OF_A_LINE * band_hz), most_hz, LARGEST_SHARE_OF_RATE * recorded.rate_hz
-    )
+    band_hz = recorded.bands * (force_band_hz(recorded) or 0.0)
+    cutoff_hz = min(max(DEFAULT_CUTOFF_HZ, band_hz), most_hz, LARGEST_SHARE_OF_RATE * recorded.rate_hz)
     return FilterChoice(kind.at(cutoff_hz), "default", said, f"the fixed {cutoff_hz:g} Hz: {why}")

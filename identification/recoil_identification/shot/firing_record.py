@@ -51,10 +51,8 @@ def peaks_of(found: Identification) -> dict[str, float]:
     signals, recorded, inside = found.route.signals, found.route.recorded, found.route.recorded.inside
     t0, t1 = recorded.interval_s
     peaks = {f"{role}_pa": _largest(signals.series[role][inside]) for role in PRESSURE_ROLES if role in signals.series}
-    velocity, travel, drives = found.route.velocity_m_s[inside], found.route.travel_m[inside], [0]
-    if not recorded.recoils_once:
-        velocity, travel = np.abs(velocity), travel - np.min(travel, initial=np.inf)
-        drives = [column for column, sign in enumerate(recorded.signs) if sign > 0]
+    velocity, travel = recorded.outward(found.route.velocity_m_s[inside], found.route.travel_m[inside])
+    drives = [column for column, sign in enumerate(recorded.signs) if sign > 0]
     peaks |= {
         "recoil_acceleration_m_s2": _largest(np.abs(found.route.filtered.acceleration_m_s2[inside])),
         "recoil_velocity_m_s": _largest(velocity),

@@ -34,11 +34,9 @@ from recoil_processing.filters import LowPassFilter
 from recoil_processing.filters.table import USUAL, filter_names, filter_of
 from recoil_processing.quality.repeatability import ShotPeaks
 from recoil_processing.shot.error_source import ErrorSource
-from recoil_processing.shot.regression import spaced_rows
+from recoil_processing.shot.regression import MEMORY_S, spaced_rows
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_rigs.tables.specification import Specification
-
-DEFAULT_WINDOW_S = 0.02
 
 
 @dataclass(frozen=True)
@@ -74,7 +72,7 @@ class Options:
 
     method: Method | None = None
     cutoff_hz: float | None = None
-    window_s: float | None = DEFAULT_WINDOW_S
+    window_s: float | None = MEMORY_S
     campaign: CutoffChoice | None = None
     compare: bool = False
     mass_cutoff_hz: float | None = None

@@ -42,8 +42,6 @@ from recoil_rigs.rig import Rig
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.rig_tables import CARRIAGE_ROLES
 
-LEAST_SHARE = 0.5
-"""Share of identified samples below which the trace does not describe the shot."""
 PLAIN = ("reverse", "forward")
 """Methods that regress one side of the equation of motion on the other, behind one low-pass."""
 LARGEST_UNEXPLAINED = 0.05
@@ -125,9 +123,8 @@ def reasons_against_record(
         *against_signals(signals, fired.rig),
         *against_losses(fired.shot, lost_share(filtered)),
     ]
-    # a body on a line coasts between its drives, and nothing tells a mass then
-    if trace.share < LEAST_SHARE and fired.rig.mechanism.recoils_once:
-        text = f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
+    if trace.share < (least := filtered.least_identified):
+        text = f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * least:.0f} %)"
         reasons.append(Reason(ReasonCode.TRACE, "shot", text))
     return reasons
 
@@ -309,11 +306,11 @@ def notes_on(fired: FiredShot, route: Route, trace: MassTrace) -> tuple[Note, ..
         for role in CARRIAGE_ROLES
         if role not in signals.series and fired.rig.by_role(role) is not None
     ]
-    if recorded.interval_s[1] >= recorded.times_s[-1] and recorded.recoils_once:
+    if recorded.cut_short:
         text = "the record ends before the recoil does: the interval ends with it"
         notes.append(Note(NoteCode.RECORD_END, None, text))
     size = route.calibration.noise.size
-    if signals.baseline_s[0] == signals.baseline_s[1] and not recorded.recoils_once:
+    if recorded.begins_in_motion(rested=signals.baseline_s[0] != signals.baseline_s[1]):
         text = (
             "the record begins in motion: the noise at rest is that of its quietest part, and the zero of an "
             "accelerometer is known as its `u_zero_rel` says, to 1 % of its range if left out"

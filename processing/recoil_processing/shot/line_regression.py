@@ -16,8 +16,9 @@ from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.filters import LowPassFilter
 from recoil_processing.gaps import runs_of
 from recoil_processing.shot.line_motion import LineMotion
-from recoil_processing.shot.regression import Regression, refuse_lost
+from recoil_processing.shot.regression import LEAST_ROWS, LONGEST_SHARE, Regression, refuse_lost
 from recoil_processing.shot.signals import Signals
+from recoil_rigs.mechanism.line import Line
 from recoil_rigs.rig import Rig
 
 SLOW_SHARE = 0.05
@@ -28,11 +29,28 @@ STANDS = 0.2
 """Share of the dry friction that is left, behind the filter, where a body on a line stands or turns."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LineRegression(Regression):
-    """Both sides of the equation of motion of a body that may move to and fro, driven or held at any time."""
+    """Both sides of the equation of motion of a body that may move to and fro, driven or held at any time.
+
+    Attributes
+    ----------
+    speed_m_s, travel_m : ndarray, shape (n,)
+        Speed and place, behind no filter.
+    turning_n
+        Dry friction, which turns with the motion.
+    """
+
+    speed_m_s: Array
+    travel_m: Array
+    turning_n: float = 0.0
 
     recoils_once = False
+    least_identified = 0.0  # it coasts between its drives, and nothing tells a mass then
+    stroke_rows = 30  # a force that stays the same has its energy at nothing
+    unread_column = -1  # beside all gauges
+    force_rate_hz = Line.force_rate_hz
+    bands = 2.0  # a pulse on a line may be far shorter than a gun's
     made_of = "all that drives less all that resists and friction"
     scales = ("the scale of what drives", "what no gauge reads of what resists")
     may_change = "mass or friction"
@@ -50,7 +68,7 @@ class LineRegression(Regression):
     def stroke_s(self) -> float:
         """Time from one stop of the body to the next; it stops where its speed is below `SLOW_SHARE` of the largest."""
         whole_s = self.interval_s[1] - self.interval_s[0]
-        speed = np.abs(np.asarray(self.speed_m_s)[self.inside])
+        speed = np.abs(self.speed_m_s[self.inside])
         moves = speed > SLOW_SHARE * np.max(speed, initial=0.0)
         strokes = np.sort([stop - start for start, stop in runs_of(moves)])
         if not strokes.size:
@@ -58,6 +76,37 @@ class LineRegression(Regression):
         # that of which half of the motion is part: about a stop noise makes many short ones
         middle = int(np.searchsorted(np.cumsum(strokes), 0.5 * strokes.sum()))
         return min(float(strokes[middle]) * self.step_s, whole_s)
+
+    def outward(self, velocity_m_s: Array, travel_m: Array) -> tuple[Array, Array]:
+        """Return velocity and travel as their largest values count: either way, and from where it is furthest back."""
+        return np.abs(velocity_m_s), travel_m - np.min(travel_m, initial=np.inf)
+
+    def moved(self, acceleration_m_s2: Array) -> tuple[Array, Array]:  # noqa: ARG002 - they are told
+        """Return velocity, and travel from where it is least, shape (n,) each: as told."""
+        return self.speed_m_s, self.travel_m - float(np.min(self.travel_m[self.inside], initial=np.inf))
+
+    def unread_shapes(self, travel_m: Array, stroke_m: float) -> tuple[Array, ...]:  # noqa: ARG002 - anywhere alike
+        """Return how an unread force may act: it turns with the motion as friction, or stays as a spring: as likely."""
+        return math.sqrt(0.5) * self.friction_direction, -math.sqrt(0.5) * self.released
+
+    def turning_m_s2(self, share: float, mass_kg: float) -> Array:
+        """Return what a share of the dry friction does where the body turns, shape (n,)."""
+        turns = np.clip(1.0 - np.abs(self.friction_direction), 0.0, 1.0)
+        return np.asarray(share * self.turning_n / mass_kg * turns)
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether the record ends before the recoil does: there is none."""
+        return False
+
+    def begins_in_motion(self, *, rested: bool) -> bool:
+        """Return whether it moves when its record begins, by whether a rest was seen."""
+        return not rested
+
+    @property
+    def memory_s(self) -> float:
+        """Usual memory of its mass over time: a share of a stroke."""
+        return max(LONGEST_SHARE * self.stroke_s, LEAST_ROWS * self.step_s)
 
     @property
     def before_the_turn(self) -> Flags:

@@ -23,10 +23,13 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_acquisition.numerics.read_only import ReadOnlyArrays
+from recoil_processing.double_integral import integrate
 from recoil_processing.filters import Filtered, LowPassFilter, filter_alike
+from recoil_processing.gaps import bridge
 from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.release import FEWEST, end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.signals import Signals
+from recoil_rigs.mechanism.gun import Gun
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.tables.force_input import SIGNS
 from recoil_rigs.tables.rig_tables import GAUGE_ROLES
@@ -41,7 +44,13 @@ MOST_TURNED = 0.01
 Taken as an instant, the reversal alone would make the friction of many shots too small by 10 %.
 """
 LEAST_ROWS = 10
-"""Fewer rows with errors of their own say nothing about those errors."""
+"""Fewer rows with errors of their own say nothing about those errors, and fewer samples are no memory."""
+MEMORY_S = 0.02
+"""Usual memory of a mass over time."""
+LONGEST_SHARE = 0.25
+"""Share of the motion that the longest one takes."""
+BEGINS = 0.01
+"""Travel over which an unread force comes up, share of the stroke: nothing grips before the part moves."""
 SLOWER = 0.25
 """Share of the cut-off behind which a force tells what a part of it would do."""
 
@@ -84,11 +93,6 @@ class Regression(ReadOnlyArrays):
         Signs of their parts in F', as `recoil_rigs.tables.force_input.ForceInput` has them.
     motion_role
         Role of what measured the motion.
-    speed_m_s, travel_m : ndarray, shape (n,), or None
-        Speed and place of a body on a line, behind no filter; None of a gun, which recoils once: the acceleration's
-        integrals are then meant.
-    turning_n
-        Dry friction of a body on a line, which turns to and fro; 0 of a gun, whose rows end before it turns.
     """
 
     times_s: Array
@@ -107,12 +111,19 @@ class Regression(ReadOnlyArrays):
     gauges: tuple[str, ...] = PRESSURE_ROLES
     signs: tuple[float, ...] = SIGNS
     motion_role: str = "recoil_acceleration"
-    speed_m_s: Array | None = None
-    travel_m: Array | None = None
-    turning_n: float = 0.0
 
     recoils_once: ClassVar[bool] = True
     """Whether it is of one recoil from battery, whose speed nothing tells but the acceleration."""
+    force_rate_hz: ClassVar[float] = Gun.force_rate_hz
+    """Rate that the force needs at most: noise beyond all that it can be would count as energy of it."""
+    bands: ClassVar[float] = 0.0
+    """Cut-off over the force's own band where no spectrum tells; 0 where a fixed one is high enough."""
+    least_identified: ClassVar[float] = 0.5
+    """Share of identified samples below which a mass over time does not describe the motion."""
+    stroke_rows: ClassVar[int] = 0
+    """Rows, two per period of the cut-off, that are left of one stroke however low the force's band is."""
+    unread_column: ClassVar[int] = FORCES.index("brake")
+    """Column of what no gauge reads: the brake's reads nearly all of what resists, and it is as if it read less."""
     made_of: ClassVar[str] = "breech force less brake, recuperator and friction"
     """What the active force is made of, in words."""
     scales: ClassVar[tuple[str, ...]] = (
@@ -184,6 +195,38 @@ class Regression(ReadOnlyArrays):
     def stroke_s(self) -> float:
         """Time of one stroke: that of the interval."""
         return self.interval_s[1] - self.interval_s[0]
+
+    def outward(self, velocity_m_s: Array, travel_m: Array) -> tuple[Array, Array]:
+        """Return velocity and travel as their largest values count: to the rear, and from battery."""
+        return velocity_m_s, travel_m
+
+    def moved(self, acceleration_m_s2: Array) -> tuple[Array, Array]:
+        """Return velocity, and travel from where it is least, shape (n,) each: integrals of an acceleration."""
+        moving = self.inside.astype(np.float64)
+        velocity = np.maximum(integrate(moving * bridge(acceleration_m_s2, otherwise=0.0), self.step_s), 0.0)
+        return velocity, integrate(moving * velocity, self.step_s)
+
+    def unread_shapes(self, travel_m: Array, stroke_m: float) -> tuple[Array, ...]:
+        """Return how an unread force may act over time, shape (n,) each: against the recoil from its beginning on."""
+        return (np.expm1(-travel_m / (BEGINS * stroke_m)),)
+
+    def turning_m_s2(self, share: float, mass_kg: float) -> Array:  # noqa: ARG002 - its rows end before it turns
+        """Return what a share of the dry friction does where the part turns, shape (n,)."""
+        return np.zeros(self.times_s.size)
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether the record ends before the recoil does."""
+        return bool(self.interval_s[1] >= self.times_s[-1])
+
+    def begins_in_motion(self, *, rested: bool) -> bool:  # noqa: ARG002 - nothing moves before it is fired
+        """Return whether it moves when its record begins, by whether a rest was seen."""
+        return False
+
+    @property
+    def memory_s(self) -> float:
+        """Usual memory of its mass over time."""
+        return MEMORY_S
 
     @property
     def before_the_turn(self) -> Flags:

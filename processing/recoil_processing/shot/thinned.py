@@ -17,12 +17,13 @@ from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.numerics.arrays import Array
 from recoil_processing.gaps import bridge
+from recoil_rigs.mechanism.gun import Gun
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.rig_tables import ExposureAlignment, TriggerAlignment
 
 THINNED_ABOVE_HZ = 100e3
 """Rate above which a channel is thinned."""
-THINNED_TO_HZ = 20e3
+THINNED_TO_HZ = Gun.force_rate_hz
 """Least rate of a thinned channel, but for the little by which a clock is off its nominal rate."""
 _OFF_NOMINAL = 0.02
 MOST_LOST = 0.5
@@ -38,10 +39,9 @@ _OPERATION, _VERSION = "thin", "1"
 
 
 def thinned(fired: FiredShot) -> tuple[FiredShot, tuple[str, ...]]:
-    """Thin the channels that are faster than `THINNED_ABOVE_HZ` by whole factors, to `THINNED_TO_HZ` or a little more.
+    """Thin the channels that are faster than `THINNED_ABOVE_HZ` by whole factors, to what the force needs.
 
-    Lines whose edges align clocks stay as they are: an edge is told to a sample. So does all of what does not recoil
-    once: a hammer's blow is over within a millisecond.
+    Lines whose edges align clocks stay as they are: an edge is told to a sample.
 
     Returns
     -------
@@ -50,13 +50,12 @@ def thinned(fired: FiredShot) -> tuple[FiredShot, tuple[str, ...]]:
     names : tuple of str
         Names of the channels that were thinned.
     """
-    if not fired.rig.mechanism.recoils_once:
-        return fired, ()
+    to_hz = fired.rig.mechanism.force_rate_hz
     lines = {
         one.align.channel for one in fired.rig.sources if isinstance(one.align, TriggerAlignment | ExposureAlignment)
     }
     factors = {
-        name: 1 if name in lines or channel.role == "trigger" else _factor(channel.time_base)
+        name: 1 if name in lines or channel.role == "trigger" else _factor(channel.time_base, to_hz)
         for name, channel in fired.shot.channels.items()
     }
     names = tuple(name for name, factor in factors.items() if factor > 1)
@@ -69,20 +68,20 @@ def thinned(fired: FiredShot) -> tuple[FiredShot, tuple[str, ...]]:
     return replace(fired, shot=replace(fired.shot, channels=channels)), names
 
 
-def thinning_factor(rate_hz: float) -> int:
+def thinning_factor(rate_hz: float, to_hz: float = THINNED_TO_HZ) -> int:
     """Return by which factor samples of a rate are thinned, 1 if they are not."""
-    return int(rate_hz / THINNED_TO_HZ + _OFF_NOMINAL) if rate_hz > THINNED_ABOVE_HZ else 1
+    return max(int(rate_hz / to_hz + _OFF_NOMINAL), 1) if rate_hz > THINNED_ABOVE_HZ else 1
 
 
-def factor_of(times_s: Array) -> int:
+def factor_of(times_s: Array, to_hz: float = THINNED_TO_HZ) -> int:
     """Return by which factor samples at some instants are thinned, 1 if they are not."""
     lasts_s = float(times_s[-1] - times_s[0]) if times_s.size > 1 else 0.0
-    return thinning_factor((times_s.size - 1) / lasts_s) if lasts_s > 0.0 else 1
+    return thinning_factor((times_s.size - 1) / lasts_s, to_hz) if lasts_s > 0.0 else 1
 
 
-def _factor(time_base: TimeBase) -> int:
+def _factor(time_base: TimeBase, to_hz: float) -> int:
     """Return by which factor a channel is thinned, 1 if it is not."""
-    factor = thinning_factor(time_base.rate_hz)
+    factor = thinning_factor(time_base.rate_hz, to_hz)
     if factor > 1 and time_base.stamps_s is not None:
         steps_s = np.diff(time_base.stamps_s)
         if not np.all(np.abs(steps_s * time_base.rate_hz - 1.0) < _EVEN):
@@ -104,19 +103,21 @@ def _thinned(channel: Channel, factor: int) -> Channel:
     )  # fmt: skip
 
 
-def thinned_beside(times_s: Array, samples: Array) -> tuple[Array, Array]:
+def thinned_beside(times_s: Array, samples: Array, to_hz: float = THINNED_TO_HZ) -> tuple[Array, Array]:
     """Thin samples as channels are, with their times; as they are given where they are slow enough.
 
     Parameters
     ----------
     times_s, samples : ndarray of float64, shape (n_samples,)
         Samples in order; their rate is that of the whole, since stamps of a bus come in bursts.
+    to_hz
+        Rate that they need at most.
 
     Returns
     -------
     times_s, samples : ndarray of float64, shape (n_thinned,)
     """
-    factor = factor_of(times_s)
+    factor = factor_of(times_s, to_hz)
     return (times_s, samples) if factor == 1 else (times_s[::factor], thinned_samples(samples, factor))
 
 

@@ -37,6 +37,7 @@ class Gun(Mechanism):
     )
     spans_s = (0.12, 0.3)
     recoils_once = True
+    force_rate_hz = 20e3
     carriage_roles = CARRIAGE_ROLES
 
     def forces(self, channels: Sequence[ChannelSpec]) -> tuple[ForceInput, ...]:

@@ -59,6 +59,7 @@ class Line(Mechanism):
     )
     spans_s = (math.inf, math.inf)
     recoils_once = False
+    force_rate_hz = math.inf
 
     def forces(self, channels: Sequence[ChannelSpec]) -> tuple[ForceInput, ...]:
         """List the driving forces, the resisting ones, and those of its pressures.

@@ -63,6 +63,8 @@ class Mechanism(ABC):
     recoils_once
         Whether it rests in battery until it is fired, recoils once and runs back there; if not, it may move when the
         record begins, to and fro, and is driven or held at any time.
+    force_rate_hz
+        Rate that its force needs at most; infinite where nothing bounds it: a hammer's blow is over in a millisecond.
     carriage_roles
         Roles of what tells how carriage and tipping part move, on which it recoils; none where it has neither.
     m1, m2, m3
@@ -160,6 +162,7 @@ class Mechanism(ABC):
     shared_roles: ClassVar[tuple[str, ...]]
     foreign_roles: ClassVar[Mapping[str, str]]
     recoils_once: ClassVar[bool]
+    force_rate_hz: ClassVar[float]
     carriage_roles: ClassVar[tuple[str, ...]] = ()
 
     USUAL_U: ClassVar[Mapping[str, float]] = MappingProxyType(
