@@ -197,14 +197,18 @@ def causes_of(
             moved = -jerk_m_s3 if on_it[-1] else unmoved
             source = ErrorSource(SourceKind.ALIGNMENT, clock)
             found.append(Cause(source, "s", u_s, "B", slopes_n_s * on_it[:-1], moved))
+
+    def alone(column: int) -> bool:
+        """Return whether a sensor has a clock of its own: the clock's alignment knows its delay then."""
+        others = (*clocks[:column], *clocks[column + 1 :], [fired.shot.reference_clock])
+        return set(clocks[column]).isdisjoint(clock for of_role in others for clock in of_role)
+
     # the first one's own delay is the skew
     for column, force in [*enumerate(gauges.values())][1:]:
         if force.name not in signals.series:
             continue
         source, u_s = delay_of_gauge(force.name), u_delay_s(fired.rig, force.name)
-        # of a gauge that is alone on a clock of its own the clock's alignment knows the delay
-        others = (*clocks[:column], *clocks[column + 1 :], [fired.shot.reference_clock])
-        if u_s > 0 and not set(clocks[column]).isdisjoint(clock for of_role in others for clock in of_role):
+        if u_s > 0 and not alone(column):
             late = np.where(np.arange(len(gauges)) == column, slopes_n_s, 0.0)
             found.append(Cause(source, "s", u_s, "B", late, unmoved, scope="rig"))
     if regression.low_pass is not None:
@@ -218,7 +222,13 @@ def causes_of(
             found.append(Cause(source, "m/s^2", U_BRIDGED * largest, "B", none, spread))
     # channels that are read one after the other need not share the jitter of their stamps
     jitter = max((jitter_s(channel, fired) for of_role in channels for channel in of_role), default=0.0)
-    found.append(Cause(SKEW, "s", math.hypot(U_SKEW_S, jitter), "B", none, -jerk_m_s3))
+    # what is stated of the delays of the first force and of the motion is uncertain beside that of all chains
+    stated = [
+        math.hypot(*(one.spec.sensor.u_delay_s or 0.0 for one in measured[column])) / max(len(measured[column]), 1)
+        for column in (0, len(gauges))
+        if not alone(column)
+    ]
+    found.append(Cause(SKEW, "s", math.hypot(U_SKEW_S, jitter, *stated), "B", none, -jerk_m_s3))
     return tuple(found)
 
 

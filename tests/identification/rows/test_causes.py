@@ -432,6 +432,21 @@ def test_the_brakes_gauge_may_be_late_by_what_is_declared_of_it(declared: dict[s
     assert not cause.acceleration_m_s2.any()
 
 
+@pytest.mark.parametrize("name", ["p_breech", "acc"])
+def test_the_skew_is_as_uncertain_as_is_declared_of_the_first_force_and_of_the_motion(name: str) -> None:
+    declared = bench_rig(**{name: "delay_s = 1e-3, u_delay_s = 3e-4"})
+    assert of_bench(rig=declared)[SKEW].u == pytest.approx(math.hypot(5e-5, 3e-4))
+    shot = bench_shot()
+    base = TimeBase.uniform("late", 0.0, 5e-5, bench().times_s.size)
+    shot = replace(
+        shot,
+        channels={**shot.channels, name: replace(shot.channels[name], time_base=base)},
+        alignments=(ClockAlignment("late", 0.0, 2e-5, 0.0, 0.0, "ok", "fixed"),),
+    )
+    # alone on a clock of its own, whose alignment knows the delay
+    assert of_bench(rig=declared, shot=shot)[SKEW].u == 5e-5
+
+
 @pytest.mark.parametrize(("late", "counts"), [(("p_brake",), False), (("p_brake", "p_recuperator"), True)])
 def test_a_brake_gauge_that_is_alone_on_its_clock_is_late_with_it(late: tuple[str, ...], counts: bool) -> None:
     shot = bench_shot()
