@@ -72,6 +72,7 @@ def unusual_values(
         Fault(key, problem, FaultCode.UNUSUAL) for key, value, bounds in _bounded(mechanism, sources, channels)
         if key not in scaled and (problem := bounds.warning(value))
     ]  # fmt: skip
+    found += _exact_zeros(mechanism)
     for where, channel in channels:
         limits = range_si(channel)
         bounds = mechanism.bounds_of_role.get(channel.role)
@@ -79,6 +80,18 @@ def unusual_values(
             key = (*where, "sensor", "range")
             found.append(Fault(key, f"{problem}{bare_number_hint(channel)}", FaultCode.UNUSUAL))
     return found
+
+
+def _exact_zeros(mechanism: Mechanism) -> Iterator[Fault]:
+    """Doubt what a rig states to be exactly nothing and physics gives to all of its kind: it would be in the mass."""
+    for symbol, u in mechanism.never_none.items():
+        if getattr(mechanism, symbol) == 0 == mechanism.u.get(symbol, 0.0):
+            key = symbol if symbol == "unread_force" else f"u_{symbol}"
+            problem = (
+                f"none at all is unusual: no gun is without it, and what it takes would be taken for mass; state what "
+                f"it may be, as `{key} = {u:g}`"
+            )
+            yield Fault(("mechanism", symbol), problem, FaultCode.UNUSUAL)
 
 
 def foreign_keys(mechanism: Mechanism, channels: Sequence[tuple[KeyPath, ChannelSpec]]) -> list[Fault]:

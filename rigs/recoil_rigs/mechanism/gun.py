@@ -38,6 +38,9 @@ class Gun(Mechanism):
     spans_s = (0.12, 0.3)
     recoils_once = True
     force_rate_hz = 20e3
+    never_none = MappingProxyType(
+        {"friction": 100.0, "bore_friction": 0.006, "unread_share": 0.01, "unread_force": 0.002}
+    )
     carriage_roles = CARRIAGE_ROLES
 
     def forces(self, channels: Sequence[ChannelSpec]) -> tuple[ForceInput, ...]:

@@ -65,6 +65,8 @@ class Mechanism(ABC):
         record begins, to and fro, and is driven or held at any time.
     force_rate_hz
         Rate that its force needs at most; infinite where nothing bounds it: a hammer's blow is over in a millisecond.
+    never_none
+        Symbol -> standard uncertainty that it may well have, of what no such mechanism is without.
     carriage_roles
         Roles of what tells how carriage and tipping part move, on which it recoils; none where it has neither.
     m1, m2, m3
@@ -163,6 +165,7 @@ class Mechanism(ABC):
     foreign_roles: ClassVar[Mapping[str, str]]
     recoils_once: ClassVar[bool]
     force_rate_hz: ClassVar[float]
+    never_none: ClassVar[Mapping[str, float]] = MappingProxyType({})
     carriage_roles: ClassVar[tuple[str, ...]] = ()
 
     USUAL_U: ClassVar[Mapping[str, float]] = MappingProxyType(

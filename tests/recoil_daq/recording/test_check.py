@@ -17,6 +17,9 @@ def rig(mixed_shot: TwinShot, tmp_path: Path) -> Path:
     folder = mixed_shot.rig_file.parent
     for name in ("rig.toml", "mixed.dbc"):
         (tmp_path / name).write_bytes((folder / name).read_bytes())
+    # the shot is of a kind rig, which states that nothing rubs unread: that alone would be doubted
+    for key, u in (("u_bore_friction", 0.006), ("u_unread_share", 0.01), ("unread_force", 0.002)):
+        change(tmp_path / "rig.toml", (f"\n{key} = 0.0", f"\n{key} = {u}"))
     return tmp_path / "rig.toml"
 
 

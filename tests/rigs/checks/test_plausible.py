@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
-from recoil_acquisition.errors import RigError
+from recoil_acquisition.errors import FaultCode, RigError
 from recoil_rigs.rig import Rig, load_rig, parse_rig
 
 
@@ -61,6 +63,21 @@ def test_what_no_such_rig_has_is_a_fault_with_its_bounds(old: str, new: str, fau
 def test_what_few_rigs_have_is_a_warning(old: str, new: str, warning: str) -> None:
     (one,) = rig_with(old, new).warnings
     assert str(one).startswith(warning)
+
+
+@pytest.mark.parametrize("symbol", ["friction", "bore_friction", "unread_share", "unread_force"])
+def test_what_no_gun_is_without_is_doubted_where_it_is_stated_to_be_exactly_nothing(symbol: str) -> None:
+    key = symbol if symbol == "unread_force" else f"u_{symbol}"
+    rig = load_rig("mixed")
+    text = re.sub(rf"(?m)^(u_)?{symbol} = .*\n", "", rig.text)
+    stated = f"[mechanism]\n{symbol} = 0.0\n" + (f"{key} = 0.0\n" if key != symbol else "")
+    (one,) = parse_rig(text.replace("[mechanism]\n", stated), rig.path, rig.databases).warnings
+    assert (one.key, one.code) == (f"mechanism.{symbol}", FaultCode.UNUSUAL)
+    assert f"`{key} = " in one.problem
+
+
+def test_a_body_on_a_line_may_be_without_friction() -> None:
+    assert not load_rig("sled").mechanism.never_none
 
 
 def test_usual_rigs_have_no_warning() -> None:
