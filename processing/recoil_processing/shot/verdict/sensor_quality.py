@@ -40,7 +40,7 @@ def check_sensors(fired: FiredShot, alignments: Sequence[ClockAlignment]) -> Ite
 
 
 def _exchanged(fired: FiredShot) -> Iterator[QualityCheck]:
-    """Two channels of different quantities whose peaks fit each other's range, and not their own."""
+    """Two channels whose peaks fit each other's range, and not both of them their own."""
     used: dict[str, tuple[float, float]] = {}
     for name, fired_channel in fired.channels.items():
         limits, (_, unit) = range_si(fired_channel.spec), shown_unit(fired_channel.spec)
@@ -54,10 +54,19 @@ def _exchanged(fired: FiredShot) -> Iterator[QualityCheck]:
     def fits(peak_of: str, range_of: str) -> bool:
         return LEAST_USED < used[peak_of][1] / used[range_of][0] < MOST_USED
 
-    for one, other in combinations(used, 2):
-        alike = fired.channels[one].spec.quantity == fired.channels[other].spec.quantity
-        if alike or (fits(one, one) and fits(other, other)) or not (fits(one, other) and fits(other, one)):
+    def misfits(*pair: str) -> list[str]:
+        return [name for name in pair if not fits(name, name)]
+
+    # the likeliest first: that explains two peaks, then of sensors of one quantity, which are exchanged more easily
+    fitting = sorted(
+        (pair for pair in combinations(used, 2) if misfits(*pair) and fits(*pair) and fits(*reversed(pair))),
+        key=lambda pair: (-len(misfits(*pair)), len({fired.channels[name].spec.quantity for name in pair})),
+    )
+    explained: set[str] = set()
+    for one, other in fitting:
+        if explained.intersection(misfits(one, other)):
             continue
+        explained.update(misfits(one, other))
         for name, that in ((one, other), (other, one)):
             share = used[name][1] / used[name][0]
             yield QualityCheck(

@@ -58,6 +58,13 @@ def test_a_gauges_serial_and_range_on_an_accelerometer_are_asked_about() -> None
     assert "are the `sensor` tables of p_brake and acc_recoil exchanged?" in found["p_brake"][0]
 
 
+def test_exchanged_tables_of_two_gauges_are_asked_about_and_no_other_that_would_fit() -> None:
+    virtual = virtual_shot("mixed")
+    lines = [re.search(rf'sensor = {{[^\n]*"{serial}"[^\n]*', virtual.rig.text)[0] for serial in ("V301", "V302")]
+    found = asked(virtual, exchanged(virtual.rig.text, *lines))
+    assert {name: len(said) for name, said in found.items()} == {"p_breech": 1, "p_brake": 1}
+
+
 def test_a_channel_that_repeats_another_by_too_little_is_asked_about() -> None:
     virtual = virtual_shot("mixed")
     fired = FiredShot(virtual.shot, virtual.rig)
