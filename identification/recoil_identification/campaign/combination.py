@@ -67,12 +67,12 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
     ordered = in_order(shots)
     aside = {shot.name: shot.set_aside for shot in ordered if shot.set_aside}
     used = _usable(ordered, aside)
-    fit, changes = joint_fit_with_changes(JointRows.of(used, mechanisms_of(used)))
+    fit, changes = joint_fit_with_changes(JointRows.of(used, mechanisms_of(used, ordered)))
     # what a shot alone calls a mass that changes may be a force that all share; what is not left in the joint fit is
     while alone := _changing_alone(fit):
         aside |= alone
         used = _usable(ordered, aside)
-        fit, changes = joint_fit_with_changes(JointRows.of(used, mechanisms_of(used)))
+        fit, changes = joint_fit_with_changes(JointRows.of(used, mechanisms_of(used, ordered)))
     agreement = agreement_of(fit)
     if (rows := weighed(fit.rows, agreement)) is not fit.rows:
         fit, changes = joint_fit_with_changes(replace(rows, columns=()))

@@ -174,7 +174,7 @@ class JointRows(ReadOnlyArrays):
                     if u > 0:
                         loads[i, place, places[identity]] = u
         named = [mechanism_of[shot.configuration] for shot in shots]
-        mechanisms = tuple(dict.fromkeys(named))
+        mechanisms = tuple(one for one in dict.fromkeys(mechanism_of.values()) if one in named)
         added = [(shot.added_mass_kg, shot.u_added_mass_kg) for shot in shots]
         weights = tuple(dict.fromkeys(one for one in added if one[0] != 0))
         return cls(
@@ -199,6 +199,12 @@ class JointRows(ReadOnlyArrays):
         features = np.column_stack([*moved, self.loads.reshape(len(self.shots), -1)])
         groups = np.unique(features, axis=0, return_inverse=True)[1].reshape(-1)
         return [np.flatnonzero(groups == group) for group in dict.fromkeys(groups.tolist())]
+
+    @property
+    def mechanism_of(self) -> dict[str, str]:
+        """Mechanism of each configuration, the first mechanism first."""
+        pairs = zip(self.mechanism.tolist(), (shot.configuration for shot in self.shots), strict=True)
+        return {configuration: self.mechanisms[at] for at, configuration in sorted(pairs)}
 
     @property
     def masses(self) -> tuple[str, ...]:

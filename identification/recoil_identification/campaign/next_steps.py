@@ -15,7 +15,6 @@ from recoil_identification.campaign.advice import Advised, weighed_to_kg, worked
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.joint_fit import JointFit, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
-from recoil_identification.campaign.mechanisms import mechanisms_of
 from recoil_identification.campaign.prediction import ADDED_SHARES, NominalShot
 from recoil_identification.rows.unread_resistance import FORCE
 
@@ -39,7 +38,7 @@ def next_steps(fit: JointFit) -> Advised[NextStep]:
     another one is taken to be weighed as well as usual.
     """
     shots, mass_kg = fit.rows.shots, fit.mass_kg(fit.rows.mechanisms[0])[0]
-    scatter, of = Scatter(fit.scatter("gain_rel")[0], fit.scatter("friction_rel")[0]), mechanisms_of(shots)
+    scatter, of = Scatter(fit.scatter("gain_rel")[0], fit.scatter("friction_rel")[0]), fit.rows.mechanism_of
 
     def u_kg(of_shots: Sequence[CampaignShot]) -> float:
         found = joint_fit_under(JointRows.of(of_shots, of), scatter)

@@ -30,6 +30,17 @@ def test_two_names_with_the_same_mass_added_are_other_parts() -> None:
     }  # fmt: skip
 
 
+def test_the_first_is_that_of_the_first_shot_that_was_fired_though_it_does_not_count() -> None:
+    fired = shots(("", 0.0), ("ring", 120.0), ("", 120.0))
+    assert list(mechanisms_of(fired[1:], fired).values()) == [UNNAMED, "ring"]
+    # one of which no shot counts is none
+    assert mechanisms_of(fired[1:2], fired) == {"ring": "ring"}
+    # a name for what was added is the same mechanism as the shots that nobody named
+    assert mechanisms_of(shots(("ring", 120.0), ("", 0.0)), shots(("", 0.0), ("ring", 120.0), ("", 0.0))) == {
+        "": UNNAMED, "ring": UNNAMED,
+    }  # fmt: skip
+
+
 def test_a_weight_on_either_of_two_builds_leaves_them_two() -> None:
     built = shots(("old", 0.0), ("old", 120.0), ("new", 0.0), ("new", 120.0))
     assert mechanisms_of(built) == {"old": "old", "new": "new"}
