@@ -150,8 +150,9 @@ def judge_motion(
         and abs(sound.drift) <= _most_drift(sound.drift_allowance)
         and sound.drift_departure > DRIFT_LIMIT_SIGMA
     ):
+        way = "longer" if sound.free_drift > 0 else "shorter"
         doubts.append(
-            f"the motions fit best if the camera's seconds are {100 * sound.free_drift:+.3f} % longer "
+            f"the motions fit best if the camera's seconds are {100 * abs(sound.free_drift):.3f} % {way} "
             f"(u {100 * sound.u_free_drift:.3f} %): check the frame rate, and that both files are of this shot"
         )
     # what the forces leave unexplained at rest is no sensor's zero
