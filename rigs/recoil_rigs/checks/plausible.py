@@ -88,8 +88,8 @@ def _exact_zeros(mechanism: Mechanism) -> Iterator[Fault]:
         if getattr(mechanism, symbol) == 0 == mechanism.u.get(symbol, 0.0):
             key = symbol if symbol == "unread_force" else f"u_{symbol}"
             problem = (
-                f"none at all is unusual: no gun is without it, and what it takes would be taken for mass; state what "
-                f"it may be, as `{key} = {u:g}`"
+                "none at all is unusual: no gun is without it, and what it takes would be taken for mass; state what "
+                f"it may be by `{key}`, for example {u:g}"
             )
             yield Fault(("mechanism", symbol), problem, FaultCode.UNUSUAL)
 

@@ -73,7 +73,7 @@ def test_what_no_gun_is_without_is_doubted_where_it_is_stated_to_be_exactly_noth
     stated = f"[mechanism]\n{symbol} = 0.0\n" + (f"{key} = 0.0\n" if key != symbol else "")
     (one,) = parse_rig(text.replace("[mechanism]\n", stated), rig.path, rig.databases).warnings
     assert (one.key, one.code) == (f"mechanism.{symbol}", FaultCode.UNUSUAL)
-    assert f"`{key} = " in one.problem
+    assert f"by `{key}`, for example " in one.problem
 
 
 def test_a_body_on_a_line_may_be_without_friction() -> None:
