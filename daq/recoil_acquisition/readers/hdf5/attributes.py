@@ -82,9 +82,11 @@ class Scaling:
 
     @classmethod
     def of(cls, attributes: Mapping[str, Any]) -> Scaling:
-        """Find what scales a dataset."""
+        """Find what scales a dataset; a factor of 0 is none."""
         found = [(find_number(attributes, frozenset({name})), shift) for name, shift in SCALES.items()]
-        scales = [(scale, find_number(attributes, frozenset({shift}))) for scale, shift in found if scale is not None]
+        scales = [
+            (scale, find_number(attributes, frozenset({shift}))) for scale, shift in found if scale and scale.value
+        ]
         shift = find_number(attributes, frozenset({"addoffset"})) if not scales else scales[0][1]
         used = frozenset(one.name for one in (scales[0][0] if scales else None, shift) if one is not None)
         return cls(float(scales[0][0].value) if scales else 1.0, float(shift.value) if shift else 0.0, used)
