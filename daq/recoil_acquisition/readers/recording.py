@@ -29,7 +29,15 @@ from recoil_acquisition.errors import (
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.processes.shortage import REMEDY, is_shortage
 from recoil_acquisition.readers.overload import about_overload, find_marks, may_have_marks
-from recoil_acquisition.readers.statements import MOST_SHOWN, NOTHING, Statements, about_open, about_outside, outside
+from recoil_acquisition.readers.statements import (
+    MOST_SHOWN,
+    NOTHING,
+    Statements,
+    about_open,
+    about_outside,
+    about_starts,
+    outside,
+)
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 from recoil_acquisition.track import Track
 
@@ -237,7 +245,10 @@ class Recording(Listed):
             text = f"{self.path.name}: its start, {start.text} ({start.origin}), is none that an instrument can have"
             yield Caution(CautionCode.DOUBTFUL_START, self.path.name, f"{text}: it dates nothing; set the clock")
         yield from _about_times_apart(self._channels.values())
-        yield from about_open({name: one.beside for name, one in self._channels.items()})
+        beside = {name: one.beside for name, one in self._channels.items()}
+        yield from about_open(beside)
+        if start is None:
+            yield from about_starts(beside)
         for name, (count, of) in self._marked.items():
             yield about_overload(name, count, of)
         for name, (count, of) in self._outside.items():

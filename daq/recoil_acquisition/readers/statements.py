@@ -24,6 +24,7 @@ from unicodedata import normalize
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.readers.time.wall_clock import about_unread_start, is_dated
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 MOST_SHOWN = 6
@@ -66,37 +67,16 @@ _OF_TIME = (
 """Parts of names of offsets, limits and units that are of instants, rates, or places in a file."""
 _OF_PEOPLE = ("date", "day", "year", "due", "serial", "number", "ident", "type", "status", "name", "by")
 """Ends of names that say who calibrated what, and when: numbers of no factor."""
-_OF_PLACES = frozenset(
-    [
-        "channel",
-        "kanal",
-        "index",
-        "length",
-        "count",
-        "size",
-        "sample",
-        "samples",
-        "column",
-        "row",
-        "slot",
-        "port",
-        "node",
-        "version",
-        "address",
-        "dimid",
-        "coordinates",
-        "id",
-        "dt",
-        "line",
-        "bit",
-        "bits",
-        "log",
-        "decimation",
-        "cutoff",
-    ]
-)
+_OF_PLACES = frozenset((
+    "channel", "kanal", "index", "length", "count", "size", "sample", "samples", "column", "row", "slot", "port",
+    "node", "version", "address", "dimid", "coordinates", "id", "dt", "line", "bit", "bits", "log", "cutoff",
+    "decimation",
+))  # fmt: skip
 """Words in names of numbers that count and place, and measure nothing."""
 _LEAST_WORDS, _MOST_WORDS = frozenset({"min", "low", "lower", "least"}), frozenset({"max", "high", "upper", "most"})
+_STARTS = frozenset({"start", "starttime", "date", "datetime", "begin", "started", "timestamp", "datum"})
+_NO_START = frozenset({"calibration", "cal", "due", "creation", "created", "modified", "version", "build"})
+"""Words of dates that begin no record."""
 _POLYNOMIAL = re.compile(r"[abckm]_?\d?", re.IGNORECASE)
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _NUMBER_AND_UNIT = re.compile(rf"\s*({_NUMBER})(?![\d.:-])\s*([^\d\s]\S*)?\s*")
@@ -200,6 +180,12 @@ class Statements:
             return ()
         return tuple(one for one in self.open if one.kind is StatementKind.NUMBER)
 
+    @cached_property
+    def starts(self) -> tuple[tuple[str, str], ...]:
+        """Texts that date the record, by their names, used or not."""
+        texts = ((name, value.strip()) for name, value in self.said.items() if isinstance(value, str))
+        return tuple((name, text) for name, text in texts if _of_start(name) and is_dated(text))
+
     @property
     def scaling(self) -> str:
         """Name of the first that may scale or shift the numbers; empty where none may."""
@@ -269,6 +255,12 @@ def about_open(statements: Mapping[str, Statements]) -> list[Remark]:
         *(_note(one, labels) for one, labels in several.items()),
         *(_about_numbers(numbers, labels) for numbers, labels in unknown.items()),
     ]
+
+
+def about_starts(statements: Mapping[str, Statements]) -> list[Remark]:
+    """Return the notes on texts that date a recording which has no start."""
+    dated = dict.fromkeys(one for beside in statements.values() for one in beside.starts)
+    return [about_unread_start(*one) for one in list(dated)[:MOST_SHOWN]]
 
 
 def _in_words(name: str, text: str) -> Statement | None:
@@ -375,6 +367,11 @@ def _kind_of(name: str, value: Any, numbers: tuple[float, ...]) -> StatementKind
     if _POLYNOMIAL.fullmatch(name):
         return StatementKind.COEFFICIENT
     return None if _OF_PLACES & set(words) else StatementKind.NUMBER
+
+
+def _of_start(name: str) -> bool:
+    words = set(_words(name))
+    return bool(words & _STARTS) and not words & _NO_START
 
 
 def _numbers_of(value: Any) -> tuple[tuple[float, ...], str]:
