@@ -213,6 +213,12 @@ def test_a_time_channel_that_is_none_is_refused_by_name(times: Any, unit: str, w
         opened(tmp_path, tdms_file([("g", "Time", times, {"unit_string": unit}), ("g", "a", ramp(), {})]))
 
 
+def test_of_two_units_of_a_time_channel_the_foreign_one_is_quoted(tmp_path: Path) -> None:
+    time = ("g", "Time [turns]", np.arange(12.0), {"unit_string": "s"})
+    with pytest.raises(ReadError, match="the unit 'turns' of the time channel"):
+        opened(tmp_path, tdms_file([time, ("g", "a", ramp(), {})]))
+
+
 def test_a_channel_of_time_stamps_is_the_time_of_its_group(tmp_path: Path) -> None:
     stamps = STAMP + np.arange(12) * np.timedelta64(250, "us")
     content = tdms_file([("g", "when", stamps, {}), ("g", "a", ramp(), {})])
