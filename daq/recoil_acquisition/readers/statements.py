@@ -307,21 +307,23 @@ def about_outside(label: str, count: int, of: int, limits: tuple[float, float]) 
     return Note(NoteCode.CONTRADICTION, label, text)
 
 
-def last_of_all(named: Mapping[int, str], most: int) -> dict[int, str]:
+def last_of_all(named: Mapping[int, str], least: int, most: int) -> dict[int, str]:
     """Return which names of stored numbers are those of codes, where nothing else is said of the numbers.
 
-    They are names of the largest numbers that can be stored, these follow one another to the end, and are few of all.
+    They are names of the largest numbers that can be stored, or of the smallest below 0, which follow one another to
+    the end, and there are no others and few of all.
 
     Parameters
     ----------
-    most
-        Largest number that can be stored.
+    least, most
+        Smallest and largest number that can be stored.
     """
     last = {}
-    raw = most
-    while raw in named:
-        last[raw] = named[raw]
-        raw -= 1
+    for end, step in ((most, -1), *([(least, 1)] if least < 0 else [])):
+        raw = end
+        while raw in named:
+            last[raw] = named[raw]
+            raw += step
     return last if len(named) == len(last) and _FEW * len(last) <= most else {}
 
 

@@ -339,6 +339,16 @@ def test_samples_that_are_stored_scaled_need_no_scale_to_be_known(tmp_path: Path
     np.testing.assert_array_equal(recording.read("g/a"), ramp())
 
 
+@pytest.mark.parametrize("slope", [0.0, float("nan")])
+def test_a_scale_that_makes_nothing_of_the_samples_is_no_scale(slope: float, tmp_path: Path) -> None:
+    scale = {
+        "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": slope,
+        "NI_Scale[0]_Linear_Y_Intercept": 0.0, "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF,
+    }  # fmt: skip
+    with pytest.raises(ReadError, match="its scaling has the slope"):
+        opened(tmp_path, tdms_file([("g", "a", ramp(), WAVE | scale)]))
+
+
 def test_a_scale_that_lacks_its_numbers_is_told_before_samples_are_read(tmp_path: Path) -> None:
     lacking = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": 2.0}
     with pytest.raises(ReadError, match="its scaling cannot be carried out"):
