@@ -35,6 +35,10 @@ LONGEST = 80
 """Signs of a statement that a note quotes."""
 _FEW = 16
 """Stored numbers for each that has a name, from which on the named ones are exceptions of a measurement."""
+_USUAL = (999.0, 999.25, 999.9, 9999.0, 9999.9, 99999.0, 999999.0, 1e20, 1e30, 1e35, 9.96921e36, 3.4028235e38)
+"""Sizes of numbers that programs write for a lost sample, of either sign."""
+_LEAST_OTHERS = 8
+"""Samples from which on one of these stands apart from them."""
 _SCALES = (
     "scale", "scaling", "skal", "factor", "faktor", "facteur", "gain", "slope", "sensitiv", "calib", "kalib", "multipl",
     "conversion", "lsb", "coef", "perbit", "percount", "perdigit", "empfindlich", "amplif", "verstark", "verstaerk",
@@ -305,6 +309,31 @@ def about_outside(label: str, count: int, of: int, limits: tuple[float, float]) 
         f"{limits[0]:.6g} to {limits[1]:.6g}: they are taken as they are"
     )
     return Note(NoteCode.CONTRADICTION, label, text)
+
+
+def usual_code(values: NDArray[np.float64]) -> tuple[float, int] | None:
+    """Return a number that often stands for a lost sample, and how many are it; None if there is none.
+
+    It is the least or the largest of all, and farther from the others than these are from each other.
+    """
+    if values.size <= _LEAST_OTHERS:
+        return None
+    for code in (float(np.fmin.reduce(values)), float(np.fmax.reduce(values))):
+        if not any(abs(abs(code) - usual) <= 1e-6 * usual for usual in _USUAL):
+            continue
+        others = values[np.isfinite(values) & (values != code)]
+        if others.size >= _LEAST_OTHERS and np.abs(others - code).min() > np.ptp(others):
+            return code, int(np.count_nonzero(values == code))
+    return None
+
+
+def about_usual_code(label: str, code: float, count: int, of: int) -> Note:
+    """Return the note on a number that may stand for lost samples."""
+    text = (
+        f"{label}: {count} of {of} samples are {code:.7g}, far from all others: they are taken as they are; if it "
+        "means a lost sample, declare it in `missing` of a layout, or export such samples empty"
+    )
+    return Note(NoteCode.LOST, label, text)
 
 
 def last_of_all(named: Mapping[int, str], least: int, most: int) -> dict[int, str]:

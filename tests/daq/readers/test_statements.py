@@ -104,6 +104,25 @@ def test_numbers_that_are_none_are_open_and_bound_nothing() -> None:
     assert recorded(Statements({"gain": nan})).notes == ("p0: the file states gain = nan: it is not applied",)
 
 
+@pytest.mark.parametrize(
+    ("code", "others", "is_named"),
+    [
+        (-9999.0, (0.0, 5.0), True), (-999.0, (980.0, 1039.0), True), (1e30, (-3.0, 2.0), True),
+        (float(np.float32(9.96921e36)), (0.0, 1.0), True), (999.0, (0.0, 998.0), False), (-998.0, (0.0, 5.0), False),
+    ],
+)  # fmt: skip
+def test_a_number_that_often_means_a_lost_sample_is_named_where_it_stands_apart(
+    code: float, others: tuple[float, float], is_named: bool
+) -> None:
+    values = np.r_[np.linspace(*others, 20), code, code]
+    base = TimeBase.uniform("recorder", 0.0, 1e-3, values.size)
+    stored = StoredChannel(SignalHeader("p", "bar", values.size), base, lambda a, b: values[a:b].copy())
+    recording = Recording(Path("a.dat"), "other", [stored], metadata={})
+    np.testing.assert_array_equal(recording.read("p"), values)
+    said = f"p: 2 of 22 samples are {code:.7g}, far from all others: they are taken as they are; if it means"
+    assert [note.startswith(said) for note in recording.notes] == [True] * is_named
+
+
 def test_lines_of_a_head_and_texts_are_statements_too() -> None:
     lines = ["Scale factor: 0.5 bar/V", "Date: 01.02.2026", "Time;12:30", '"Offset",12.5', "Unit: psi", "x" * 5000]
     assert statements_in(lines) == {"Scale factor": "0.5 bar/V", "Offset": "12.5", "Unit": "psi"}
