@@ -7,6 +7,8 @@ from pathlib import Path
 
 from recoil_acquisition.errors import CorruptFileError, Fault, FileEnd, ReadError, nearest_first
 from recoil_acquisition.quantities.declaration import declared as declare
+from recoil_acquisition.readers.foreign_formats import foreign_format
+from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import number_of, split_cells, split_unit
@@ -47,6 +49,12 @@ class DeclaredTextReader:
         if layout is None:
             said = " | ".join(str(fault) for fault in faults)
             raise ReadError(f"the declared layout is at fault: {said}", path=path, place="[source]", remedy=_REMEDY)
+        head = Head.of(path)
+        if b"\0" in head.content[:32] and (foreign := foreign_format(head)) is not None:
+            raise ReadError(
+                f"this is {foreign.name}, and its source declares a layout", path=path, expected="a table of text",
+                remedy=foreign.remedy,
+            )  # fmt: skip
         file = LongText(path, layout.encoding)
         lines = file.lines(MOST_ROWS)
         if len(lines) < layout.first_row:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import io
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +58,18 @@ def test_units_and_a_rate_that_the_layout_passes_over_are_named(
     recording = opened(tmp_path, f"{head}{ROWS}".encode(), TABLE | layout)
     assert recording.time_base("acc").step_s == 1e-3
     assert [said in note for note in recording.notes] == [True] * bool(said)
+
+
+def test_what_is_no_text_is_named_and_not_the_layout_to_blame(tmp_path: Path) -> None:
+    book = io.BytesIO()
+    with zipfile.ZipFile(book, "w") as archive:
+        archive.writestr("[Content_Types].xml", "<Types/>")
+    for content, name in (
+        (book.getvalue(), "a packed archive"),
+        (b"SQLite format 3\0" + bytes(99), "an SQLite database"),
+    ):
+        with pytest.raises(ReadError, match=f"this is {name}, and its source declares a layout"):
+            opened(tmp_path, content, TABLE | {"header_row": 1, "first_row": 2})
 
 
 def test_another_rate_than_the_declared_one_is_named(tmp_path: Path) -> None:
