@@ -29,7 +29,17 @@ from recoil_acquisition.errors import (
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.processes.shortage import REMEDY, is_shortage
 from recoil_acquisition.readers.overload import about_overload, find_marks, may_have_marks
-from recoil_acquisition.readers.statements import MOST_SHOWN, NOTHING, Statements, about_open, about_outside, outside
+from recoil_acquisition.readers.statements import (
+    MOST_SHOWN,
+    NOTHING,
+    Statements,
+    about_open,
+    about_outside,
+    about_starts,
+    about_usual_code,
+    outside,
+    usual_code,
+)
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 from recoil_acquisition.track import Track
 
@@ -207,6 +217,7 @@ class Recording(Listed):
         self._channels = {channel.header.name: channel for channel in kept}
         self._marked: dict[str, tuple[int, int]] = {}
         self._outside: dict[str, tuple[int, int]] = {}
+        self._usual: dict[str, tuple[float, int, int]] = {}
         self._notes, self._absolute_start, self._tracks = notes, absolute_start, tracks
         self.check_name, self.aliases = check_name, aliases
 
@@ -237,9 +248,14 @@ class Recording(Listed):
             text = f"{self.path.name}: its start, {start.text} ({start.origin}), is none that an instrument can have"
             yield Caution(CautionCode.DOUBTFUL_START, self.path.name, f"{text}: it dates nothing; set the clock")
         yield from _about_times_apart(self._channels.values())
-        yield from about_open({name: one.beside for name, one in self._channels.items()})
+        beside = {name: one.beside for name, one in self._channels.items()}
+        yield from about_open(beside)
+        if start is None:
+            yield from about_starts(beside)
         for name, (count, of) in self._marked.items():
             yield about_overload(name, count, of)
+        for name, usual in self._usual.items():
+            yield about_usual_code(name, *usual)
         for name, (count, of) in self._outside.items():
             limits = self._channels[name].beside.limits
             if count and limits is not None:
@@ -270,6 +286,8 @@ class Recording(Listed):
             count = int(np.count_nonzero(marks))
             if count >= self._marked.get(found.header.name, (1, 0))[0]:
                 self._marked[found.header.name] = count, values.size
+        if (usual := usual_code(values)) is not None and usual[1] >= self._usual.get(found.header.name, (0.0, 1, 0))[1]:
+            self._usual[found.header.name] = (*usual, values.size)
         if (limits := found.beside.limits) is not None:
             count = outside(values, limits)
             if count >= self._outside.get(found.header.name, (1, 0))[0]:

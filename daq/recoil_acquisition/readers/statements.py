@@ -17,12 +17,14 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from math import isfinite
+from math import isfinite, isnan
 from typing import Any
+from unicodedata import normalize
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.readers.time.wall_clock import about_unread_start, is_dated
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 MOST_SHOWN = 6
@@ -33,12 +35,21 @@ LONGEST = 80
 """Signs of a statement that a note quotes."""
 _FEW = 16
 """Stored numbers for each that has a name, from which on the named ones are exceptions of a measurement."""
+_USUAL = (999.0, 999.25, 999.9, 9999.0, 9999.9, 99999.0, 999999.0, 1e20, 1e30, 1e35, 9.96921e36, 3.4028235e38)
+"""Sizes of numbers that programs write for a lost sample, of either sign."""
+_LEAST_OTHERS = 8
+"""Samples from which on one of these stands apart from them."""
 _SCALES = (
     "scale", "scaling", "skal", "factor", "faktor", "facteur", "gain", "slope", "sensitiv", "calib", "kalib", "multipl",
-    "conversion", "lsb", "coef", "perbit", "percount", "perdigit", "empfindlich",
+    "conversion", "lsb", "coef", "perbit", "percount", "perdigit", "empfindlich", "amplif", "verstark", "verstaerk",
+    "attenu", "massstab", "echelle", "escala", "exponent",
 )  # fmt: skip
 """Parts of names of what may be a factor, or one of a polynomial's numbers."""
-_SHIFTS = ("offset", "intercept", "bias", "zeropoint", "zerolevel", "nullpunkt")
+_SHIFTS = ("offset", "intercept", "bias", "zeropoint", "zerolevel", "nullpunkt", "baseline", "dclevel")
+_SHIFT_WORDS = frozenset({"tare", "tara", "zero", "null"})
+_TURNS = ("invert", "polarit")
+_NOT_TURNED = frozenset({"", "0", "no", "none", "off", "false", "nein", "non", "normal", "positive", "+", "+1"})
+"""Values of a sign that change no number, as of a polarity 1 does."""
 _RANGES = ("range", "fullscale", "limit", "minimum", "maximum", "bereich")
 _LOST = (
     "fillvalue",
@@ -60,7 +71,16 @@ _OF_TIME = (
 """Parts of names of offsets, limits and units that are of instants, rates, or places in a file."""
 _OF_PEOPLE = ("date", "day", "year", "due", "serial", "number", "ident", "type", "status", "name", "by")
 """Ends of names that say who calibrated what, and when: numbers of no factor."""
+_OF_PLACES = frozenset((
+    "channel", "kanal", "index", "length", "count", "size", "sample", "samples", "column", "row", "slot", "port",
+    "node", "version", "address", "dimid", "coordinates", "id", "dt", "line", "bit", "bits", "log", "cutoff",
+    "decimation",
+))  # fmt: skip
+"""Words in names of numbers that count and place, and measure nothing."""
 _LEAST_WORDS, _MOST_WORDS = frozenset({"min", "low", "lower", "least"}), frozenset({"max", "high", "upper", "most"})
+_STARTS = frozenset({"start", "starttime", "date", "datetime", "begin", "started", "timestamp", "datum"})
+_NO_START = frozenset({"calibration", "cal", "due", "creation", "created", "modified", "version", "build"})
+"""Words of dates that begin no record."""
 _POLYNOMIAL = re.compile(r"[abckm]_?\d?", re.IGNORECASE)
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _NUMBER_AND_UNIT = re.compile(rf"\s*({_NUMBER})(?![\d.:-])\s*([^\d\s]\S*)?\s*")
@@ -84,6 +104,8 @@ class StatementKind(StrEnum):
     UNIT = "unit"
     INSTANT = "instant"
     """An offset of the instants."""
+    NUMBER = "number"
+    """A number by a name that says nothing, of which integers alone may be the counts."""
     COEFFICIENT = "coefficient"
     """A number by the name of a polynomial's, which it is beside integers alone."""
     WORDS = "words"
@@ -114,8 +136,12 @@ class Statement:
 
     @property
     def is_neutral(self) -> bool:
-        """Whether it changes no number: a factor of 1, an offset of 0."""
+        """Whether it changes no number: a factor of 1, an offset of 0, either of the two under an unknown name."""
         neutral = {StatementKind.SCALE: 1.0, StatementKind.SHIFT: 0.0, StatementKind.INSTANT: 0.0}.get(self.kind)
+        if self.kind is StatementKind.LOST and not any(map(isfinite, self.numbers)):
+            return True
+        if self.kind is StatementKind.NUMBER:
+            return self.numbers in ((0.0,), (1.0,))
         return neutral is not None and self.numbers == (neutral,)
 
 
@@ -150,6 +176,20 @@ class Statements:
                 found += [statement_of(*one) for one in lines.items()] if lines else [_in_words(name, value)]
         return tuple(dict.fromkeys(one for one in found if one is not None and not one.is_neutral))
 
+    @cached_property
+    def unknown(self) -> tuple[Statement, ...]:
+        """Numbers by names that say nothing, beside integers that nothing has scaled."""
+        used = (statement_of(name, self.said[name]) for name in self.used if name in self.said)
+        if not self.of_integers or any(one is not None and one.kind in _SCALING for one in used):
+            return ()
+        return tuple(one for one in self.open if one.kind is StatementKind.NUMBER)
+
+    @cached_property
+    def starts(self) -> tuple[tuple[str, str], ...]:
+        """Texts that date the record, by their names, used or not."""
+        texts = ((name, value.strip()) for name, value in self.said.items() if isinstance(value, str))
+        return tuple((name, text) for name, text in texts if _of_start(name) and is_dated(text))
+
     @property
     def scaling(self) -> str:
         """Name of the first that may scale or shift the numbers; empty where none may."""
@@ -166,7 +206,7 @@ class Statements:
         """Least and largest sample that are stated; None where none is, or both are the same."""
         low, high = -np.inf, np.inf
         for one in self.open:
-            if one.kind is not StatementKind.RANGE:
+            if one.kind is not StatementKind.RANGE or any(map(isnan, one.numbers)):
                 continue
             words = set(_words(one.name))
             if len(one.numbers) == 2:
@@ -207,12 +247,24 @@ def statements_in(lines: Sequence[str]) -> dict[str, Any]:
 def about_open(statements: Mapping[str, Statements]) -> list[Remark]:
     """Return the notes on statements of some signals, by their names, that nobody used; of one of several, one note."""
     several: dict[Statement, list[str]] = {}
-    passed_over = {StatementKind.RANGE, StatementKind.COEFFICIENT}
+    unknown: dict[tuple[Statement, ...], list[str]] = {}
+    passed_over = {StatementKind.RANGE, StatementKind.COEFFICIENT, StatementKind.NUMBER}
     for label, beside in statements.items():
         for one in beside.open:
             if one.kind not in passed_over:
                 several.setdefault(one, []).append(label)
-    return [_note(one, labels) for one, labels in several.items()]
+        if beside.unknown:
+            unknown.setdefault(beside.unknown, []).append(label)
+    return [
+        *(_note(one, labels) for one, labels in several.items()),
+        *(_about_numbers(numbers, labels) for numbers, labels in unknown.items()),
+    ]
+
+
+def about_starts(statements: Mapping[str, Statements]) -> list[Remark]:
+    """Return the notes on texts that date a recording which has no start."""
+    dated = dict.fromkeys(one for beside in statements.values() for one in beside.starts)
+    return [about_unread_start(*one) for one in list(dated)[:MOST_SHOWN]]
 
 
 def _in_words(name: str, text: str) -> Statement | None:
@@ -221,9 +273,19 @@ def _in_words(name: str, text: str) -> Statement | None:
     return None if found is None else Statement(StatementKind.WORDS, name, (), repr(_cut(text)))
 
 
+def _first_of(shown: Sequence[str]) -> str:
+    more = f" and {len(shown) - MOST_SHOWN} more" if len(shown) > MOST_SHOWN else ""
+    return ", ".join(shown[:MOST_SHOWN]) + more
+
+
+def _about_numbers(numbers: tuple[Statement, ...], labels: list[str]) -> Note:
+    stated = _first_of([f"{one.name} = {one.text}" for one in numbers])
+    text = f"{_first_of(labels)}: stored integers, and the file states {stated}: none of it is applied"
+    return Note(NoteCode.UNITS, labels[0] if len(labels) == 1 else None, text)
+
+
 def _note(one: Statement, labels: list[str]) -> Note:
-    more = f" and {len(labels) - MOST_SHOWN} more" if len(labels) > MOST_SHOWN else ""
-    named, about = ", ".join(labels[:MOST_SHOWN]) + more, labels[0] if len(labels) == 1 else None
+    named, about = _first_of(labels), labels[0] if len(labels) == 1 else None
     what = {
         StatementKind.LOST: "samples that are it are not taken for lost",
         StatementKind.UNIT: "it is not taken for the unit",
@@ -249,21 +311,48 @@ def about_outside(label: str, count: int, of: int, limits: tuple[float, float]) 
     return Note(NoteCode.CONTRADICTION, label, text)
 
 
-def last_of_all(named: Mapping[int, str], most: int) -> dict[int, str]:
+def usual_code(values: NDArray[np.float64]) -> tuple[float, int] | None:
+    """Return a number that often stands for a lost sample, and how many are it; None if there is none.
+
+    It is the least or the largest of all, and farther from the others than these are from each other.
+    """
+    if values.size <= _LEAST_OTHERS:
+        return None
+    for code in (float(np.fmin.reduce(values)), float(np.fmax.reduce(values))):
+        if not any(abs(abs(code) - usual) <= 1e-6 * usual for usual in _USUAL):
+            continue
+        others = values[np.isfinite(values) & (values != code)]
+        if others.size >= _LEAST_OTHERS and np.abs(others - code).min() > np.ptp(others):
+            return code, int(np.count_nonzero(values == code))
+    return None
+
+
+def about_usual_code(label: str, code: float, count: int, of: int) -> Note:
+    """Return the note on a number that may stand for lost samples."""
+    text = (
+        f"{label}: {count} of {of} samples are {code:.7g}, far from all others: they are taken as they are; if it "
+        "means a lost sample, declare it in `missing` of a layout, or export such samples empty"
+    )
+    return Note(NoteCode.LOST, label, text)
+
+
+def last_of_all(named: Mapping[int, str], least: int, most: int) -> dict[int, str]:
     """Return which names of stored numbers are those of codes, where nothing else is said of the numbers.
 
-    They are names of the largest numbers that can be stored, these follow one another to the end, and are few of all.
+    They are names of the largest numbers that can be stored, or of the smallest below 0, which follow one another to
+    the end, and there are no others and few of all.
 
     Parameters
     ----------
-    most
-        Largest number that can be stored.
+    least, most
+        Smallest and largest number that can be stored.
     """
     last = {}
-    raw = most
-    while raw in named:
-        last[raw] = named[raw]
-        raw -= 1
+    for end, step in ((most, -1), *([(least, 1)] if least < 0 else [])):
+        raw = end
+        while raw in named:
+            last[raw] = named[raw]
+            raw += step
     return last if len(named) == len(last) and _FEW * len(last) <= most else {}
 
 
@@ -277,9 +366,8 @@ def about_codes(label: str, codes: Mapping[str, int], of: int, samples: str = "s
     samples
         Name of what the signal's numbers come in.
     """
-    shown = ", ".join(f"{code} x{count}" for code, count in list(codes.items())[:MOST_SHOWN])
-    more = f" and {len(codes) - MOST_SHOWN} more" if len(codes) > MOST_SHOWN else ""
-    text = f"{label}: {sum(codes.values())} of {of} {samples} hold a code that is no measurement ({shown}{more})"
+    shown = _first_of([f"{code} x{count}" for code, count in codes.items()])
+    text = f"{label}: {sum(codes.values())} of {of} {samples} hold a code that is no measurement ({shown})"
     return Note(NoteCode.LOST, label, f"{text}: lost samples")
 
 
@@ -288,6 +376,10 @@ def _kind_of(name: str, value: Any, numbers: tuple[float, ...]) -> StatementKind
     words = _words(name)
     if words and words[-1] in ("unit", "units", "einheit", "unitstring") and isinstance(value, str) and value.strip():
         return None if _has(short, _OF_TIME) else StatementKind.UNIT
+    if _has(short, _TURNS):
+        plain = str(value).strip().casefold()
+        is_one = "polarit" in short and numbers == (1.0,)
+        return None if is_one or plain in _NOT_TURNED or numbers == (0.0,) else StatementKind.WORDS
     if not numbers or short.endswith(_OF_PEOPLE):
         return None
     if short in _INSTANTS or short.rstrip("muns") in _INSTANTS:
@@ -301,25 +393,33 @@ def _kind_of(name: str, value: Any, numbers: tuple[float, ...]) -> StatementKind
         return StatementKind.RANGE
     if _has(short, _LOST):
         return StatementKind.LOST
-    if _has(short, _SHIFTS):
+    if _has(short, _SHIFTS) or _SHIFT_WORDS & set(words):
         return StatementKind.SHIFT
-    return StatementKind.COEFFICIENT if _POLYNOMIAL.fullmatch(name) else None
+    if _POLYNOMIAL.fullmatch(name):
+        return StatementKind.COEFFICIENT
+    return None if _OF_PLACES & set(words) else StatementKind.NUMBER
+
+
+def _of_start(name: str) -> bool:
+    words = set(_words(name))
+    return bool(words & _STARTS) and not words & _NO_START
 
 
 def _numbers_of(value: Any) -> tuple[tuple[float, ...], str]:
-    """Return the finite numbers of a value and the unit behind them; none where it holds anything else."""
+    """Return the numbers of a value and the unit behind them; none where it holds anything else."""
     if isinstance(value, str):
-        match = _NUMBER_AND_UNIT.fullmatch(value)
+        match = _NUMBER_AND_UNIT.fullmatch(value if value.count(",") != 1 else value.replace(",", "."))
         return ((float(match[1]),), match[2] or "") if match and isfinite(float(match[1])) else ((), "")
     values = value if isinstance(value, (list, tuple)) else [value]
     if not all(isinstance(one, (int, float)) and not isinstance(one, bool) for one in values):
         return (), ""
-    return (tuple(float(one) for one in values), "") if all(abs(one) < 1e300 for one in values) else ((), "")
+    sound = all(isinstance(one, float) or abs(one) < 1e300 for one in values)
+    return (tuple(float(one) for one in values), "") if sound else ((), "")
 
 
 def folded(name: str) -> str:
-    """Return a name in small letters, letters and digits alone."""
-    return "".join(c for c in name.casefold() if c.isalnum())
+    """Return a name in small letters, letters and digits alone, without their accents."""
+    return "".join(c for c in normalize("NFKD", name.casefold()) if c.isalnum())
 
 
 def _words(name: str) -> list[str]:

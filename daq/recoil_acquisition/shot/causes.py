@@ -84,6 +84,9 @@ def by_cause(found: Sequence[OneRemark], subjects: Sequence[Subject]) -> tuple[l
     said, explained : list of Remark
         Those that are said, and the others, in the order in which they came.
     """
+    doubted = {one.about for one in found if one.code is ReasonCode.CLOCK}
+    # a doubt of a clock and the check of its alignment say the same
+    found = [one for one in found if one.code is not Check.ALIGNMENT or one.about not in doubted]
     source_of = {subject.channel: subject.clock for subject in subjects}
     by_role: dict[str, set[str]] = {}
     for subject in subjects:
@@ -138,11 +141,8 @@ def by_cause(found: Sequence[OneRemark], subjects: Sequence[Subject]) -> tuple[l
         group = [one, *(found[other] for other in causes.get(at, ()))]
         worst = next((that for that in group if isinstance(that, Reason)), one)
         head = one
-        # a doubt of a clock and the check that warns of it say the same
-        more = [that for that in group[1:] if {one.code, that.code} != {ReasonCode.CLOCK, Check.ALIGNMENT}]
         if at in causes:
-            told = worded(one, f"; this explains {len(more)} more") if more else one
-            head = type(worst)(one.code, one.about, told)
+            head = type(worst)(one.code, one.about, worded(one, f"; this explains {len(group) - 1} more"))
         said.append((isinstance(worst, Caution), min(map(weight, group)), at, head))
     return [one for *_, one in sorted(said, key=lambda placed: placed[:3])], [found[at] for at in sorted(explained)]
 

@@ -36,8 +36,13 @@ def recorded(*channels: Statements) -> Recording:
         ("Full Scale", "250 bar", StatementKind.RANGE), ("nodata_value", -999, StatementKind.LOST),
         ("y_units", "psi", StatementKind.UNIT), ("start_offset", 0.5, StatementKind.INSTANT),
         ("calibration_date", 20260301, None), ("serial_number", 4711, None), ("byte_offset", 4, None),
-        ("filter_limit", 1e3, None), ("description", "left", None), ("gain", float("nan"), None),
+        ("filter_limit", 1e3, None), ("description", "left", None), ("gain", float("nan"), StatementKind.SCALE),
         ("gain", True, None), ("gain", [], None), ("x_unit", "", None), ("sample_rate", 1e4, None),
+        ("Verstärkung", 0.5, StatementKind.SCALE), ("Maßstab", 0.5, StatementKind.SCALE),
+        ("Gain", "0,001 g/digit", StatementKind.SCALE), ("tare", 5.0, StatementKind.SHIFT),
+        ("baseline", 5.0, StatementKind.SHIFT), ("time_zero", 0.1, None), ("inverted", True, StatementKind.WORDS),
+        ("polarity", -1, StatementKind.WORDS), ("polarity", "normal", None), ("invert", False, None),
+        ("resolution", 0.001, StatementKind.NUMBER), ("channel_number", 3, None),
     ],
 )  # fmt: skip
 def test_a_name_and_a_value_say_what_they_may_do_to_numbers(name: str, value: Any, kind: StatementKind | None) -> None:
@@ -81,6 +86,41 @@ def test_samples_outside_of_a_stated_range_are_counted_as_they_are_read(said: di
     told = [str(note) for note in recording.notes]
     assert len(told) == bool(outside)
     assert all(f"{outside} of 4 samples lie outside of the range that the file states" in one for one in told)
+
+
+def test_numbers_of_unknown_names_are_named_beside_integers_alone() -> None:
+    said = {"resolution": 0.001, "pas": 2.0, "channel": 3, "level": 1, "phase": 0}
+    assert recorded(Statements(said)).notes == ()
+    (note,) = recorded(Statements(said, (), True), Statements(said, (), True)).notes
+    assert recorded(Statements({"conversion": 0.5, **said}, ("conversion",), True)).notes == ()
+    assert note == "p0, p1: stored integers, and the file states resolution = 0.001, pas = 2: none of it is applied"
+
+
+def test_numbers_that_are_none_are_open_and_bound_nothing() -> None:
+    nan = float("nan")
+    assert Statements({"gain": nan}, (), True).refusal
+    assert Statements({"fill_value": nan, "valid_max": nan, "range": [nan, 1.0]}).limits is None
+    assert recorded(Statements({"fill_value": nan})).notes == ()
+    assert recorded(Statements({"gain": nan})).notes == ("p0: the file states gain = nan: it is not applied",)
+
+
+@pytest.mark.parametrize(
+    ("code", "others", "is_named"),
+    [
+        (-9999.0, (0.0, 5.0), True), (-999.0, (980.0, 1039.0), True), (1e30, (-3.0, 2.0), True),
+        (float(np.float32(9.96921e36)), (0.0, 1.0), True), (999.0, (0.0, 998.0), False), (-998.0, (0.0, 5.0), False),
+    ],
+)  # fmt: skip
+def test_a_number_that_often_means_a_lost_sample_is_named_where_it_stands_apart(
+    code: float, others: tuple[float, float], is_named: bool
+) -> None:
+    values = np.r_[np.linspace(*others, 20), code, code]
+    base = TimeBase.uniform("recorder", 0.0, 1e-3, values.size)
+    stored = StoredChannel(SignalHeader("p", "bar", values.size), base, lambda a, b: values[a:b].copy())
+    recording = Recording(Path("a.dat"), "other", [stored], metadata={})
+    np.testing.assert_array_equal(recording.read("p"), values)
+    said = f"p: 2 of 22 samples are {code:.7g}, far from all others: they are taken as they are; if it means"
+    assert [note.startswith(said) for note in recording.notes] == [True] * is_named
 
 
 def test_lines_of_a_head_and_texts_are_statements_too() -> None:

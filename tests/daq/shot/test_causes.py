@@ -53,6 +53,16 @@ def test_reasons_begin_with_no_forces_then_no_motion_then_clocks_then_the_rest()
     }  # fmt: skip
 
 
+def test_a_doubt_of_a_clock_and_the_check_of_its_alignment_are_said_once() -> None:
+    doubt = Reason(ReasonCode.CLOCK, "can", "clock can: alignment ambiguous: hardly known")
+    alignment = QualityCheck("can", Check.ALIGNMENT, "warn", "offset 1 ms; ambiguous: hardly known")
+    gap = QualityCheck("daq", Check.REFERENCE_GAP, "fail", "a gap")
+    assert [one["code"] for one in shot_findings((alignment,), (doubt,), BUS)] == ["clock"]
+    found = shot_findings((gap, alignment), (doubt,), BUS)
+    assert [(one["code"], one["severity"]) for one in found] == [("gap of the reference", "fatal"), ("clock", "note")]
+    assert found[0]["text"] == "daq: a gap; this explains 1 more"
+
+
 def test_what_follows_from_one_cause_is_one_reason_and_stays_readable_in_the_notes() -> None:
     checks = (
         QualityCheck("can", Check.LATE_STAMPS, "warn", "bursts; let the interface stamp"),

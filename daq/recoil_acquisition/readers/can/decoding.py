@@ -247,18 +247,21 @@ def _codes(signal: Any, limits: tuple[int, int] | None, *, is_j1939: bool) -> tu
     """Return the stored numbers that are no measurement: named by the database, or of a standard, beyond its range.
 
     A number that the database names and has in its range is one that may be measured, such as a gear. Where it states
-    no range, names of the largest numbers alone are those of codes. Beyond the range SAE J1939-71 has the largest
-    numbers for what is not available, in error, or reserved, from FB in the highest byte on, and NMEA 2000 the three
-    largest. A message of J1939 has them where the database states no range, too.
+    no range, names of the largest numbers alone, and of the smallest below 0, are those of codes. Beyond the range SAE
+    J1939-71 has the largest numbers for what is not available, in error, or reserved, from FB in the highest byte on,
+    and NMEA 2000 the three largest. A message of J1939 has them where the database states no range, too.
     """
     length = int(signal.length)
     least, most = (-(1 << length - 1), (1 << length - 1) - 1) if signal.is_signed else (0, (1 << length) - 1)
-    named = {int(raw): str(name) for raw, name in (signal.choices or {}).items() if least <= int(raw) <= most}
+    # of signed numbers some tools write the codes as they stand in the frame
+    stored = ((int(raw), str(name)) for raw, name in (signal.choices or {}).items())
+    named = {(raw - (1 << length) if most < raw < -2 * least else raw): name for raw, name in stored}
+    named = {raw: name for raw, name in named.items() if least <= raw <= most}
     has_ranges = length % 8 == 0 and not signal.is_signed
     if limits is None and is_j1939 and has_ranges:
         limits = 0, (_RESERVED << length - 8) - 1
     if limits is None:
-        named = last_of_all(named, most)
+        named = last_of_all(named, least, most)
         return tuple((raw, raw, f"{raw} {name!r}") for raw, name in named.items())
     low, high = limits
     codes = [(raw, raw, f"{raw} {name!r}") for raw, name in named.items() if not low <= raw <= high]

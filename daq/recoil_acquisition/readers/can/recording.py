@@ -141,7 +141,9 @@ class CanRecording(Recording):
             count = int(np.count_nonzero(signal.held))
             instants = partial(signal.instants, declared.clock, log.absolute_start)
             header = SignalHeader(name, signal.layout.unit, count)
-            beside = Statements({"comment": signal.layout.comment})
+            said = {"comment": signal.layout.comment}
+            # a factor of 0 makes nothing of any number
+            beside = Statements(said if signal.layout.scale else {**said, "factor": 0.0}, (), not signal.layout.scale)
             channels.append(StoredChannel(header, instants, signal.samples, signal.raw, beside=beside))
         super().__init__(
             path, reader, channels, metadata=metadata, notes=notes, incomplete=log.incomplete,

@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart
 from recoil_acquisition.readers.hdf5.walk import LARGEST_ATTRIBUTE
 from recoil_acquisition.readers.statements import folded
+from recoil_acquisition.readers.time.wall_clock import DateOrder, parse_wall_clock
 
 UNIT = frozenset({"unit", "units", "unitstring", "yunit", "physicalunit", "engineeringunit"})
 START = frozenset(
@@ -82,9 +84,11 @@ class Scaling:
 
     @classmethod
     def of(cls, attributes: Mapping[str, Any]) -> Scaling:
-        """Find what scales a dataset."""
+        """Find what scales a dataset; a factor of 0 is none."""
         found = [(find_number(attributes, frozenset({name})), shift) for name, shift in SCALES.items()]
-        scales = [(scale, find_number(attributes, frozenset({shift}))) for scale, shift in found if scale is not None]
+        scales = [
+            (scale, find_number(attributes, frozenset({shift}))) for scale, shift in found if scale and scale.value
+        ]
         shift = find_number(attributes, frozenset({"addoffset"})) if not scales else scales[0][1]
         used = frozenset(one.name for one in (scales[0][0] if scales else None, shift) if one is not None)
         return cls(float(scales[0][0].value) if scales else 1.0, float(shift.value) if shift else 0.0, used)
@@ -124,11 +128,21 @@ def lost_numbers(attributes: Mapping[str, Any]) -> dict[str, list[float]]:
 
 
 def find_start(attributes: Mapping[str, Any]) -> tuple[str, datetime] | None:
-    """Find an absolute start, a text of ISO 8601: its attribute and the instant, with a zone if it has one."""
+    """Find an absolute start, a text of a date and a time: its attribute and the instant, with a zone if it has one."""
     for name, value in attributes.items():
         if folded(name) in START and isinstance(value, str):
             try:
                 return name, datetime.fromisoformat(value.strip())
             except ValueError:
-                continue
+                instant = _instant(value)
+            if instant is not None:
+                return name, instant
     return None
+
+
+def _instant(text: str) -> datetime | None:
+    try:
+        stamp = parse_wall_clock(text)
+    except ValueError:
+        return None
+    return None if stamp.order is DateOrder.OPEN else AbsoluteStart(stamp.text, stamp.zone, "").moment

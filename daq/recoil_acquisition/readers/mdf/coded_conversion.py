@@ -171,6 +171,7 @@ def _has_numbers(
     """Return whether any other number of a table is what it is: all that it says are words for the largest ones."""
     if kind != BY_VALUE or channel.data_type not in INTEGERS or not all(isinstance(one, str) for one in meanings):
         return False
-    most = (1 << channel.bits - (channel.data_type not in UNSIGNED)) - 1
+    is_signed = channel.data_type not in UNSIGNED
+    most = (1 << channel.bits - is_signed) - 1
     named = {int(key): "" for key in keys if key == round(key)} if all(map(np.isfinite, keys)) else {}
-    return bool(last_of_all(named, most)) and len(named) == len(keys)
+    return bool(last_of_all(named, -most - 1 if is_signed else 0, most)) and len(named) == len(keys)

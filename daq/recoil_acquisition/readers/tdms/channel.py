@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,11 @@ def rejection_reason(channel: Any, levels: tuple[Mapping[str, Any], ...], size: 
             "more samples are stated than the file can hold", path=path, place=f"channel {channel.path}",
             expected=f"at most {size} bytes", found=f"{len(channel)} samples of {width} bytes",
         )  # fmt: skip
+    for properties in levels:
+        for name in _scales(properties):
+            slope = properties.get(name.removesuffix("Scale_Type") + "Linear_Slope", 1.0)
+            if not (slope and isfinite(slope)):
+                return f"its scaling has the slope {slope:g}, which makes nothing of its samples"
     return _scaling_fault(channel) if any("NI_Number_Of_Scales" in p or _scales(p) for p in levels) else ""
 
 

@@ -66,8 +66,8 @@ class GroupTimes:
         stated = str(channel.properties.get("unit_string", "")).strip()
         units = [unit for unit in (stated, bracketed) if unit]
         factors = {time_unit_s(unit) for unit in units}
-        if None in factors:
-            self._numbers[label] = f"the unit {units[0]!r} of the time channel {label} is no unit of time"
+        if foreign := next((unit for unit in units if time_unit_s(unit) is None), ""):
+            self._numbers[label] = f"the unit {foreign!r} of the time channel {label} is no unit of time"
         elif len(factors) > 1:
             self._numbers[label] = f"the time channel {label} states its unit as {' and as '.join(units)}"
         else:

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from recoil_acquisition.errors import CorruptFileError, Fault, FileEnd, ReadError, nearest_first
 from recoil_acquisition.quantities.declaration import declared as declare
+from recoil_acquisition.readers.foreign_formats import foreign_format
+from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.text.cells import split_cells, split_unit
+from recoil_acquisition.readers.text.cells import number_of, split_cells, split_unit
 from recoil_acquisition.readers.text.layout import MOST_ROWS, TextLayout, column_named
+from recoil_acquisition.readers.text.proposed_layout import are_units, stated_rate
 from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.table_layout import TableLayout
 from recoil_acquisition.readers.text.time_base import TimeSource
-from recoil_acquisition.readers.text_file import LongText
+from recoil_acquisition.readers.text_file import LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import STAMP_FORMS, parse_wall_clock
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
+_SAME_RATE = 0.1
+"""Share by which two statements of a rate may differ: the first rows may have a gap, or few digits."""
 _REMEDY = "correct `[source.layout]` in the rig file"
 
 
@@ -43,6 +49,12 @@ class DeclaredTextReader:
         if layout is None:
             said = " | ".join(str(fault) for fault in faults)
             raise ReadError(f"the declared layout is at fault: {said}", path=path, place="[source]", remedy=_REMEDY)
+        head = Head.of(path)
+        if b"\0" in head.content[:32] and (foreign := foreign_format(head)) is not None:
+            raise ReadError(
+                f"this is {foreign.name}, and its source declares a layout", path=path, expected="a table of text",
+                remedy=foreign.remedy,
+            )  # fmt: skip
         file = LongText(path, layout.encoding)
         lines = file.lines(MOST_ROWS)
         if len(lines) < layout.first_row:
@@ -52,6 +64,7 @@ class DeclaredTextReader:
             )  # fmt: skip
         headings = _headings(layout, lines, path)
         time, notes = _time(layout, headings, path)
+        notes += [*_about_units(layout, lines, headings), *_about_rate(layout, lines, time)]
         table = TableLayout(
             separator=layout.separator, first_row=layout.first_row - 1, headings=headings, time=time,
             decimal_comma=layout.decimal == ",", missing=layout.missing, comment=layout.comment,
@@ -100,6 +113,35 @@ def _headings(layout: TextLayout, lines: list[str], path: Path) -> list[tuple[st
     if units is None:
         return names
     return [(name, "" if unit == "-" else unit) for (name, _), unit in zip(names, units, strict=True)]
+
+
+def _about_units(layout: TextLayout, lines: list[str], headings: Sequence[tuple[str, str]]) -> list[Remark]:
+    """Say that a row below the names reads as units do, where the layout declares none."""
+    if layout.unit_row is not None or layout.units or layout.header_row is None:
+        return []
+    for number in range(layout.header_row + 1, layout.first_row):
+        cells = _row(layout, lines, number)
+        if len(cells) == len(headings) and are_units(cells):
+            text = f"line {number} reads as units do ({', '.join(cells[:4])}), and the layout does not say so"
+            return [Note(NoteCode.UNITS, None, f"{text}: it is passed over; declare `unit_row = {number}`")]
+    return []
+
+
+def _about_rate(layout: TextLayout, lines: list[str], time: TimeSource) -> list[Remark]:
+    """Say that a line above the rows states another rate than the rows, or the rig, have."""
+    stated_hz, line = stated_rate(lines[: layout.first_row - 1])
+    rate_hz = layout.rate_hz
+    if rate_hz is None and time.unit_s is not None and time.column is not None:
+        cells = [split_cells(row, layout.separator) for row in lines[layout.first_row - 1 :][:LOOKED_AT]]
+        printed = [number_of(one[time.column].replace(",", ".")) for one in cells if len(one) > time.column]
+        times = [one for one in printed if one is not None]
+        if len(times) > 1 and times[-1] > times[0]:
+            rate_hz = (len(times) - 1) / ((times[-1] - times[0]) * time.unit_s)
+    if rate_hz is None or not abs(stated_hz / rate_hz - 1.0) > _SAME_RATE:
+        return []
+    whose = "the column of time has" if layout.rate_hz is None else "the rig declares"
+    text = f"line {line} states {stated_hz:.6g} Hz, {whose} {rate_hz:.6g} Hz: that counts"
+    return [Note(NoteCode.CONTRADICTION, None, text)]
 
 
 def _time(layout: TextLayout, headings: list[tuple[str, str]], path: Path) -> tuple[TimeSource, list[Remark]]:

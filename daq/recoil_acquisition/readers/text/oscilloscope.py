@@ -44,6 +44,7 @@ from recoil_acquisition.readers.text.text_table import TextBlock
 from recoil_acquisition.readers.text.time_base import TimeSource, rate_of_step
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import time_unit_s
+from recoil_acquisition.readers.time.wall_clock import about_unread_start, is_dated
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 _SEPARATORS = (",", ";", "\t")
@@ -221,7 +222,7 @@ def _segmented(
         for header in signals
     ]  # fmt: skip
     text = f"{table.several} segments, each at the time of its trigger since the first"
-    notes = [Note(NoteCode.TIME, None, text)]
+    notes = [Note(NoteCode.TIME, None, text), *table.notes]
     if block.dropped:
         notes.insert(0, Note(NoteCode.CUT, None, block.dropped))
     return Recording(
@@ -421,11 +422,14 @@ def _lecroy(lines: Lines, separator: str) -> WaveformTable | None:
     stamps = [split_cells(line, separator) for line in lines[3:at]]
     headings = tuple((cell, "s" if i == 0 else "") for i, cell in enumerate(cells))
     size = _count(counts[3])
+    stated = stamps[0][1] if stamps and len(stamps[0]) > 1 else ""
+    start = _trigger(stated)
     since_s = [number_of(cells[2]) if len(cells) > 2 else None for cells in stamps]
     triggers_s = tuple(one for one in since_s if one is not None)
     return _table(
         separator, _first_row(lines, at + 1), headings, count=None if size is None else size * segments,
-        start=_trigger(stamps[0][1] if stamps and len(stamps[0]) > 1 else ""), several=segments,
+        start=start, several=segments,
+        notes=(about_unread_start("TrigTime", stated),) if start is None and is_dated(stated) else (),
         triggers_s=triggers_s if len(triggers_s) == segments else (),
     )  # fmt: skip
 

@@ -98,7 +98,7 @@ def propose_layout(lines: Sequence[str]) -> ProposedLayout | None:
         layout["decimal"] = ","
     named = _line_above(lines, separator, first, width)
     units = None if named is None else _line_above(lines, separator, named, width)
-    if named is not None and units is not None and _are_units(split_cells(lines[named], separator)):
+    if named is not None and units is not None and are_units(split_cells(lines[named], separator)):
         named, units = units, named
     else:
         units = None
@@ -112,7 +112,7 @@ def propose_layout(lines: Sequence[str]) -> ProposedLayout | None:
     layout["first_row"] = first + 1
     cells = names if units is None else split_cells(lines[units], separator)
     lacking = _add_time(layout, names, cells, rows[0], apart=units is not None)
-    return ProposedLayout(layout, lacking, *_stated_rate(lines[:first]))
+    return ProposedLayout(layout, lacking, *stated_rate(lines[:first]))
 
 
 def _add_time(
@@ -136,7 +136,7 @@ def _add_time(
     return ()
 
 
-def _stated_rate(lines: Sequence[str]) -> tuple[float, int]:
+def stated_rate(lines: Sequence[str]) -> tuple[float, int]:
     """Return the one rate that lines state, Hz, and the number of the first that does; NaN and 0 of none or several."""
     found: list[tuple[float, int]] = []
     for number, line in enumerate(lines, 1):
@@ -222,7 +222,7 @@ def _is_unit(bare: str) -> bool:
     return not bare or bare == "-" or find_unit(bare) is not None or bare.casefold() in TIME_UNITS_S
 
 
-def _are_units(cells: Sequence[str]) -> bool:
+def are_units(cells: Sequence[str]) -> bool:
     """Return whether all cells of a line are units, some of them more than a dash."""
     bare = [_bare(cell) for cell in cells]
     # the first may be the label of the line

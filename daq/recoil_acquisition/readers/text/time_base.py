@@ -20,7 +20,7 @@ from recoil_acquisition.readers.text.dewesoft_time import rate_from_stamps, spre
 from recoil_acquisition.readers.text.text_table import printed_decimals
 from recoil_acquisition.readers.time.printed_time import PART_ROWS, Times, start_agreeing, uniform_from_printed
 from recoil_acquisition.readers.time.time_units import DAY_S, MOST_S
-from recoil_acquisition.readers.time.wall_clock import DateOrder, Stamp, Stamps
+from recoil_acquisition.readers.time.wall_clock import DateOrder, Stamp, Stamps, two_dates
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 FINE_STEPS = 50
@@ -169,10 +169,7 @@ def _about_order(first: Stamp | None) -> tuple[Remark, ...]:
     """Say that the start is not known, where the first stamp may be of either of two days."""
     if first is None or first.order is not DateOrder.OPEN:
         return ()
-    text = (
-        f"whether the first date is {first.second.date()} or {first.ordered(DateOrder.DAY_FIRST).second.date()} is "
-        "not told: the start is not known"
-    )
+    text = f"whether the first date is {two_dates(first)} is not told: the start is not known"
     return (Note(NoteCode.TIME, None, text),)
 
 

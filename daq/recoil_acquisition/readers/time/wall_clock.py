@@ -11,6 +11,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.remark import Note, NoteCode
+
 MOST_KNOWN = 100_000
 """Stamps that are remembered: coarse ones repeat from row to row."""
 
@@ -25,6 +27,7 @@ _ZONE = r"\s*(Z|UTC|[+-]\d{2}:?\d{2})?"
 _ISO = re.compile(r"(\d{4})[-/](\d{1,2})[-/](\d{1,2})[T ]\s*" + _TIME + _ZONE, re.IGNORECASE)
 _DOTTED = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})[T ,]\s*" + _TIME + _ZONE, re.IGNORECASE)
 _SLASHED = re.compile(r"(\d{1,2})([-/])(\d{1,2})\2(\d{4})[T ,]\s*" + _TIME + _ZONE, re.IGNORECASE)
+_DATED = re.compile(r"(?<!\d)\d{1,4}[-/.](\d{1,2}|[^\W\d]{3,9})[-/.]\d{2,4}(?![\d.])")
 _OF_DAY = re.compile(_TIME, re.IGNORECASE)
 _FRACTION = re.compile(r".*:\d{2}[.,](?P<digits>[0-9]{1,9})(?:" + _HALF + ")?" + _ZONE, re.IGNORECASE)
 STAMP_FORMS = "yyyy-mm-dd hh:mm:ss, dd.mm.yyyy hh:mm:ss or mm/dd/yyyy hh:mm:ss, with am or pm or without"
@@ -159,6 +162,27 @@ def parse_time_of_day(cell: str) -> Stamp:
     hour, minute, second, fraction, half = match.groups()
     instant = dt.datetime(1, 1, 1, hour_of_day(hour, half), int(minute), int(second))
     return Stamp(instant, nanoseconds(fraction), len(fraction or ""))
+
+
+def is_dated(text: str) -> bool:
+    """Return whether a text seems to hold a date, in whatever order."""
+    return _DATED.search(text) is not None
+
+
+def about_unread_start(name: str, text: str) -> Note:
+    """Return the note on a date that a file states and that is not the recording's start, with the reason."""
+    try:
+        stamp = parse_wall_clock(text)
+    except ValueError:
+        why = "which is not understood"
+    else:
+        why = "which is not taken for it" if stamp.order is not DateOrder.OPEN else f"which is {two_dates(stamp)}"
+    return Note(NoteCode.TIME, None, f"the file states {name} = {text[:60]!r}, {why}: the start is not known")
+
+
+def two_dates(stamp: Stamp) -> str:
+    """Return the two days that a date may be whose order is open."""
+    return f"{stamp.second.date()} or {stamp.ordered(DateOrder.DAY_FIRST).second.date()}"
 
 
 def is_time_of_day(cell: str) -> bool:

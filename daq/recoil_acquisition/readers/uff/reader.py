@@ -33,6 +33,7 @@ from recoil_acquisition.readers.recording import Recording, SignalHeader, Stored
 from recoil_acquisition.readers.statements import Statements, statements_in
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
+from recoil_acquisition.readers.time.wall_clock import DateOrder, about_unread_start, is_dated, parse_wall_clock
 from recoil_acquisition.readers.uff.printed import printed_numbers
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 
@@ -300,7 +301,7 @@ def _check_one_recording(path: Path, chosen: list[UffDataset]) -> None:
     for data in chosen:
         date = data.lines[_DATE_LINE].strip()
         first = dates.setdefault((_label(data), data.node, data.direction), date)
-        if date != first and is_absolute(first) and is_absolute(date):
+        if date != first and _is_date(first) and _is_date(date):
             raise ReadError(
                 f"a second recording begins at {date}: {_label(data)} is in the file once more", path=path,
                 place=f"dataset at byte {data.at}", expected=f"one recording, that of {first}",
@@ -308,16 +309,23 @@ def _check_one_recording(path: Path, chosen: list[UffDataset]) -> None:
             )  # fmt: skip
 
 
+def _is_date(text: str) -> bool:
+    return is_absolute(text) or is_dated(text)
+
+
 def _start(chosen: list[UffDataset], notes: list[Remark]) -> AbsoluteStart | None:
     """Return the date that all datasets state; if they do not agree there is none."""
     stated = {data.lines[_DATE_LINE].strip() for data in chosen}
-    dates = sorted(text for text in stated if is_absolute(text))
+    dates = sorted(text for text in stated if _is_date(text))
     if len(dates) == 1 and len(stated) == 1:
         try:
-            instant = parse_dewesoft_stamp(dates[0]).second
+            stamp = (parse_dewesoft_stamp if is_absolute(dates[0]) else parse_wall_clock)(dates[0])
         except ValueError:
-            return None
-        return AbsoluteStart(instant.isoformat(), "unknown", "third identification line of the datasets")
+            stamp = None
+        if stamp is not None and stamp.order is not DateOrder.OPEN:
+            return AbsoluteStart(stamp.second.isoformat(), stamp.zone, "third identification line of the datasets")
+        notes.append(about_unread_start("as the third identification line of its datasets", dates[0]))
+        return None
     if dates:
         shown = ", ".join(dates[:4]) + (" ..." if len(dates) > 4 else "")
         text = f"not all datasets state the same date ({shown}): the start is not known"

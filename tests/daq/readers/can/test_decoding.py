@@ -158,6 +158,9 @@ def decoded(signal: Signal, raws: list[int]) -> list[float]:
         (signal_with(length=2, choices={0: "off", 1: "on", 2: "error", 3: "not there"}), [0, 1, 2, 3], []),
         (signal_with(length=12, choices={0: "zero", 4095: "full"}), [0, 4095], []),
         (signal_with(length=16), [0, 0xFFFF], []),
+        # the smallest below 0, which some tools write as it stands in the frame
+        (signal_with(length=16, signed=True, choices={-32768: "error"}), [-32767, 32767], [-32768]),
+        (signal_with(length=16, signed=True, choices={32768: "error", 32767: "none"}), [-32767, 0], [-32768, 32767]),
         # a range that goes to the end has nothing beyond it
         (signal_with(length=16, limits=(-3, 32764.5)), [0, 0xFFFF], []),
     ],

@@ -109,7 +109,7 @@ def test_integers_with_an_unknown_scaling_are_named_and_left_out(tmp_path: Path)
     [
         {"conversion_factor": 1e-3}, {"lsb": 0.5}, {"CoefA": 2.0}, {"calibration_factor": 3.0}, {"scaling_factor": 2.0},
         {"volts_per_bit": 1e-4}, {"polynomial_coefficients": np.array([0.0, 2.0])}, {"conversion": 2.0, "gain": 3.0},
-        {"scale_factor": 2.0, "conversion": 3.0},
+        {"scale_factor": 2.0, "conversion": 3.0}, {"scale_factor": 0.0}, {"scale_factor": np.nan},
     ],
 )  # fmt: skip
 def test_integers_that_a_number_may_scale_are_left_out_under_any_name_of_it(

@@ -213,6 +213,12 @@ def test_a_time_channel_that_is_none_is_refused_by_name(times: Any, unit: str, w
         opened(tmp_path, tdms_file([("g", "Time", times, {"unit_string": unit}), ("g", "a", ramp(), {})]))
 
 
+def test_of_two_units_of_a_time_channel_the_foreign_one_is_quoted(tmp_path: Path) -> None:
+    time = ("g", "Time [turns]", np.arange(12.0), {"unit_string": "s"})
+    with pytest.raises(ReadError, match="the unit 'turns' of the time channel"):
+        opened(tmp_path, tdms_file([time, ("g", "a", ramp(), {})]))
+
+
 def test_a_channel_of_time_stamps_is_the_time_of_its_group(tmp_path: Path) -> None:
     stamps = STAMP + np.arange(12) * np.timedelta64(250, "us")
     content = tdms_file([("g", "when", stamps, {}), ("g", "a", ramp(), {})])
@@ -331,6 +337,16 @@ def test_samples_that_are_stored_scaled_need_no_scale_to_be_known(tmp_path: Path
     done = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Secret", "NI_Scaling_Status": "scaled"}
     recording = opened(tmp_path, tdms_file([("g", "a", ramp(), WAVE | done)]))
     np.testing.assert_array_equal(recording.read("g/a"), ramp())
+
+
+@pytest.mark.parametrize("slope", [0.0, float("nan")])
+def test_a_scale_that_makes_nothing_of_the_samples_is_no_scale(slope: float, tmp_path: Path) -> None:
+    scale = {
+        "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": slope,
+        "NI_Scale[0]_Linear_Y_Intercept": 0.0, "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF,
+    }  # fmt: skip
+    with pytest.raises(ReadError, match="its scaling has the slope"):
+        opened(tmp_path, tdms_file([("g", "a", ramp(), WAVE | scale)]))
 
 
 def test_a_scale_that_lacks_its_numbers_is_told_before_samples_are_read(tmp_path: Path) -> None:

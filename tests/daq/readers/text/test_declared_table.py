@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import io
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +36,46 @@ def test_names_units_and_time_are_where_the_rig_says(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording.read("u"), [row[0] for row in build.rows()])
     assert recording.time_base("u").step_s == 5e-4
     assert recording.notes == ()
+
+
+TABLE = {"separator": ",", "time_column": "Time", "time_unit": "s"}
+ROWS = "".join(f"{1e-3 * k:.3f},{k % 7}\n" for k in range(40))
+
+
+@pytest.mark.parametrize(
+    ("head", "layout", "said"),
+    [
+        ("Time,acc\nms,mm/s2\n", {"header_row": 1, "first_row": 3}, "declare `unit_row = 2`"),
+        ("Time,acc\n[s],[g]\n", {"header_row": 1, "first_row": 3, "unit_row": 2}, ""),
+        ("Time,acc\none,two\n", {"header_row": 1, "first_row": 3}, ""),
+        ("# Sample rate: 500 Hz\nTime,acc\n", {"header_row": 2, "first_row": 3}, "500 Hz, the column of time has 1000"),
+        ("# Sample rate: 1 kHz\nTime,acc\n", {"header_row": 2, "first_row": 3}, ""),
+    ],
+)
+def test_units_and_a_rate_that_the_layout_passes_over_are_named(
+    head: str, layout: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    recording = opened(tmp_path, f"{head}{ROWS}".encode(), TABLE | layout)
+    assert recording.time_base("acc").step_s == 1e-3
+    assert [said in note for note in recording.notes] == [True] * bool(said)
+
+
+def test_what_is_no_text_is_named_and_not_the_layout_to_blame(tmp_path: Path) -> None:
+    book = io.BytesIO()
+    with zipfile.ZipFile(book, "w") as archive:
+        archive.writestr("[Content_Types].xml", "<Types/>")
+    for content, name in (
+        (book.getvalue(), "a packed archive"),
+        (b"SQLite format 3\0" + bytes(99), "an SQLite database"),
+    ):
+        with pytest.raises(ReadError, match=f"this is {name}, and its source declares a layout"):
+            opened(tmp_path, content, TABLE | {"header_row": 1, "first_row": 2})
+
+
+def test_another_rate_than_the_declared_one_is_named(tmp_path: Path) -> None:
+    layout = {"separator": ",", "header_row": 2, "first_row": 3, "rate_hz": 1e3}
+    recording = opened(tmp_path, f"# Interval: 2 ms\nn,acc\n{ROWS}".encode(), layout)
+    assert "line 1 states 500 Hz, the rig declares 1000 Hz: that counts" in recording.notes
 
 
 def test_missing_texts_are_lost_and_comments_are_no_rows(tmp_path: Path) -> None:
