@@ -58,6 +58,13 @@ def test_a_gauges_serial_and_range_on_an_accelerometer_are_asked_about() -> None
     assert "are the `sensor` tables of p_brake and acc_recoil exchanged?" in found["p_brake"][0]
 
 
+def test_a_gyro_of_a_generous_range_is_not_taken_for_an_accelerometer() -> None:
+    virtual = virtual_shot("mixed")
+    generous = re.sub(r'("V501"[^\n]*range = )\[-1.0, 1.0\]', r"\1[-35.0, 35.0]", virtual.rig.text)
+    assert generous != virtual.rig.text
+    assert asked(virtual, generous) == {}
+
+
 def test_a_channel_that_repeats_another_by_too_little_is_asked_about() -> None:
     virtual = virtual_shot("mixed")
     fired = FiredShot(virtual.shot, virtual.rig)
