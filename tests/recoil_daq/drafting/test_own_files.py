@@ -237,7 +237,11 @@ def test_a_sensor_without_certificate_is_answered_in_the_unit_that_was_answered_
 
     def typed(*_: object, default: str, **__: object) -> str:
         # a refused answer is not typed for ever
-        return default if again else next((text for key, text in answers.items() if asked[-1].endswith(f".{key}")), default)
+        return (
+            default
+            if again
+            else next((text for key, text in answers.items() if asked[-1].endswith(f".{key}")), default)
+        )
 
     def echo(text: str = "", **_: object) -> None:
         again.extend(re.findall("once more", str(text)))

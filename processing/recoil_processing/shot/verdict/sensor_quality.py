@@ -17,7 +17,7 @@ from recoil_rigs.shots.assemble import shown_unit
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.channel_table import range_si
 
-LEAST_USED, MOST_USED = 0.02, 1.1
+LEAST_USED, MOST_USED = 0.02, 1.02
 """Shares of a sensor's range between which lies the peak of a shot that was measured with the right one."""
 
 
@@ -40,7 +40,7 @@ def check_sensors(fired: FiredShot, alignments: Sequence[ClockAlignment]) -> Ite
 
 
 def _exchanged(fired: FiredShot) -> Iterator[QualityCheck]:
-    """Two channels of different quantities whose peaks fit each other's range, and not their own."""
+    """Two channels whose peaks fit each other's range, and one of which is beyond its own."""
     used: dict[str, tuple[float, float]] = {}
     for name, fired_channel in fired.channels.items():
         limits, (_, unit) = range_si(fired_channel.spec), shown_unit(fired_channel.spec)
@@ -55,10 +55,9 @@ def _exchanged(fired: FiredShot) -> Iterator[QualityCheck]:
         return LEAST_USED < used[peak_of][1] / used[range_of][0] < MOST_USED
 
     for one, other in combinations(used, 2):
-        alike = fired.channels[one].spec.quantity == fired.channels[other].spec.quantity
         # a range that is hardly used is no evidence: inertial sensors are bought with generous ones
         beyond = any(used[name][1] >= MOST_USED * used[name][0] for name in (one, other))
-        if alike or not beyond or not (fits(one, other) and fits(other, one)):
+        if not beyond or not (fits(one, other) and fits(other, one)):
             continue
         for name, that in ((one, other), (other, one)):
             share = used[name][1] / used[name][0]

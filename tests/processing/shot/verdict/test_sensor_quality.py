@@ -58,6 +58,19 @@ def test_a_gauges_serial_and_range_on_an_accelerometer_are_asked_about() -> None
     assert "are the `sensor` tables of p_brake and acc_recoil exchanged?" in found["p_brake"][0]
 
 
+def test_exchanged_ranges_of_two_gauges_are_asked_about() -> None:
+    virtual = virtual_shot("mixed")
+    assert set(asked(virtual, exchanged(virtual.rig.text, "[-1.6, 16.0]", "[-0.6, 6.0]"))) == {
+        "p_brake",
+        "p_recuperator",
+    }
+
+
+def test_a_peak_beyond_a_range_that_two_channels_have_is_no_exchange() -> None:
+    virtual = virtual_shot("mixed")
+    assert asked(virtual, virtual.rig.text.replace("[-1.6, 16.0]", "[-0.6, 6.0]")) == {}
+
+
 def test_a_gyro_of_a_generous_range_is_not_taken_for_an_accelerometer() -> None:
     virtual = virtual_shot("mixed")
     generous = re.sub(r'("V501"[^\n]*range = )\[-1.0, 1.0\]', r"\1[-35.0, 35.0]", virtual.rig.text)
