@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -173,6 +173,19 @@ def a_table(key: str, model: type[DeclaredTable] | None = None, kinds: tuple[typ
         if model is not None and declared(model, {key: value}, (), faults) is None:
             raise ValueError("; ".join(map(str, faults)))
         return Answer(value)
+
+    return read
+
+
+def a_tick(clock: Mapping[str, Any]) -> Read:
+    """Take the table of a device's clock as TOML writes it, or how long a tick is, for the clock that was found."""
+    table = a_table("device_time")
+
+    def read(text: str) -> Answer:
+        if text.lstrip().startswith("{"):
+            return table(text)
+        answer = a_number("s", positive=True)(text)
+        return Answer({**clock, "tick_s": answer.value}, text.strip())
 
     return read
 

@@ -268,7 +268,7 @@ class DraftedChannels:
             yield Entry("gain", float(f"{twin.per_number / known.factor:.4g}"), f"by its scale beside {twin.of.name}")
         else:
             meaning = "value of one count, in the channel's unit: device's manual, 1 / 32768 is 3.05e-05"
-            yield Entry("gain", Question(meaning, read=a_number("", SCALE)))
+            yield Entry("gain", Question(meaning, read=a_number(unit or "", SCALE)))
 
 
 def _row_of(certificate: Certificate) -> str:

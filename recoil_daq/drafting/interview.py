@@ -16,6 +16,8 @@ Look = Callable[[Mapping[str, Any]], DraftedRig]
 """Drafts the rig by what was answered before, see `DraftedRig.answered_tables`."""
 Ask = Callable[[Sequence[OpenEntry], MutableMapping[KeyPath, Answer]], bool]
 """Asks questions, puts each answer into a mapping, and returns whether more may be asked."""
+_FIRST = ("quantity", "unit")
+"""Keys that are asked for before a sensor's values, which are typed in that unit."""
 _LAST = ("align",)
 """Keys that are asked for at the end: what is answered before may find them."""
 
@@ -51,7 +53,7 @@ class Interview:
             If whoever is asked ends it; `drafted` has the answers so far.
         """
         asked: set[KeyPath] = set()
-        while questions := [one for one in self._questions(asked) if one.question.opens]:
+        while questions := [one for one in self._questions(asked) if one.question.opens or one.parts[-1] in _FIRST]:
             asked |= {_known(one.parts) for one in questions}
             before = len(self.answers)
             if not ask(questions, self.answers):

@@ -20,6 +20,7 @@ from recoil_acquisition.log.record import DATA
 from recoil_acquisition.quantities.declaration import stated_number, unit_of_key
 from recoil_acquisition.quantities.quantity import Unit, find_unit
 from recoil_acquisition.quantities.typed_quantity import TypedError
+from recoil_acquisition.readers.can.buses import AT
 from recoil_acquisition.readers.captured import LIVE, CapturedSource, sources_of
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations, Reader
@@ -29,7 +30,7 @@ from recoil_acquisition.readers.serial.frame_fields import CLOCK_FIELD, CLOCK_MO
 from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from recoil_acquisition.readers.text.proposed_layout import propose_layout
 from recoil_acquisition.remark import NoteCode
-from recoil_daq.drafting.answer import a_number, a_table, as_text, one_of
+from recoil_daq.drafting.answer import a_number, a_table, a_tick, as_text, one_of
 from recoil_daq.drafting.other_rig import OtherRig
 from recoil_daq.drafting.rig_draft import Entry, Question
 from recoil_daq.recording.file_summary import EMPTY_DATABASE
@@ -408,7 +409,9 @@ def _bus_source(
     recording, best_database = best[0]
     unknown = recording.metadata.get("unknown_identifiers", {})
     entries = [Entry("database", best_database.name, f"explains {len(recording.signals)} signals of {path.name}")]
-    counters = [one.name for one in recording.signals if _counts(recording, one.name)]
+    # a counter is that of its message on every bus: each is counted for itself
+    counted = [one.name.partition(AT)[0] for one in recording.signals if _counts(recording, one.name)]
+    counters = list(dict.fromkeys(counted))
     if counters and "counters" not in stated:
         entries.append(Entry("counters", counters, "goes up by one from message to message: a gap is a lost one"))
     notes = (
@@ -530,7 +533,7 @@ def _clock_question(recording: Recording) -> Question | None:
         f"duration of a tick of the device's clock, which goes up by {step:.6g} from frame to frame: device's manual; "
         f"of {_USUAL_TICK_S:g} s it makes {1.0 / (_USUAL_TICK_S * step):.6g} frames per second"
     )
-    return Question(meaning, proposal, a_table("device_time"), opens=True)
+    return Question(meaning, proposal, a_tick(proposal), opens=True)
 
 
 def _framed(framing: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:

@@ -705,6 +705,21 @@ def test_a_toml_error_says_its_line() -> None:
     fault = only_fault_of(("YA = 0.95", "YA = 0,95"))
     assert fault.startswith("TOML: ")
     assert f"line {line}" in fault
+    assert fault.endswith(": 'YA = 0,95'; a number has a decimal point: YA = 0.95")
+
+
+@pytest.mark.parametrize("value", ["0.95 m", "about 1", "95 cm", "01.03.2026"])
+def test_a_value_without_quotes_is_named_with_its_quotes(value: str) -> None:
+    fault = only_fault_of(("YA = 0.95", f"YA = {value}   # of the drawing"))
+    assert fault.endswith(f'; what is no plain number stands in quotes: YA = "{value}"')
+
+
+@pytest.mark.parametrize("lines", ["YA = 0.95\nYA = 1.0", "YA = [0.95", 'YA = "0.95', "YA 0.95"])
+def test_another_toml_error_shows_its_line_and_proposes_nothing(lines: str) -> None:
+    fault = only_fault_of(("YA = 0.95", lines))
+    assert "line " in fault
+    assert "decimal point" not in fault
+    assert "quotes" not in fault
 
 
 def test_a_table_nested_without_end_is_a_toml_error() -> None:

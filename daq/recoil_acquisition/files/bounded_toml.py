@@ -28,6 +28,11 @@ _STRING_OR_COMMENT = re.compile(
 )
 _LONG_WORD = re.compile(rf"[\w.+:-]{{{LONGEST_WORD + 1}}}")
 _LONG_KEY = re.compile(rf"(?:[\w-]+[ \t]*\.[ \t]*){{{MOST_KEY_PARTS}}}")
+_LINE_NUMBER = re.compile(r"at line (\d+)")
+_PLAIN_VALUE = re.compile(r"([\w.-]+)[ \t]*=[ \t]*([^\s\"'\[{#][^\"'\[\]{}#]*?)[ \t]*(?:#.*)?")
+"""A key with a value that is neither text nor list nor table, perhaps with a comment behind it."""
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+_SHOWN = 60
 _BRACKET = re.compile(r"[\[\]{}]")
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\t": "\\t"}
@@ -74,6 +79,24 @@ def parse_toml(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError as error:
         raise ValueError("nested too deeply") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{error}{_line_at_fault(text, str(error))}") from error
+
+
+def _line_at_fault(text: str, problem: str) -> str:
+    """Return the line that the parser names, and how its value is written where that alone is no TOML."""
+    number = _LINE_NUMBER.search(problem)
+    lines = text.split("\n")
+    if number is None or int(number[1]) > len(lines):
+        return ""
+    line = lines[int(number[1]) - 1].strip()
+    shown = f": {line[:_SHOWN]!r}"
+    found = _PLAIN_VALUE.fullmatch(line)
+    if found is None or not isinstance(typed_value(found[2]), str):
+        return shown
+    if _DECIMAL_COMMA.fullmatch(found[2]):
+        return f"{shown}; a number has a decimal point: {found[1]} = {found[2].replace(',', '.')}"
+    return f"{shown}; what is no plain number stands in quotes: {found[1]} = {_quoted(found[2])[:_SHOWN]}"
 
 
 def typed_value(text: str) -> Any:

@@ -42,6 +42,8 @@ def declared_mechanism(
         faults.append(Fault((MECHANISM,), "a table [mechanism] is needed", FaultCode.MISSING))
         return None, None
     model = model_of(table)
+    forgotten = _forgotten_model(table, model, roles)
+    model = None if forgotten else model
     symbols = Mechanism.symbols()
     known = {MODEL, *symbols, *(f"u_{s}" for s in Mechanism.uncertain())}
     own = [_unknown_symbol(key, symbols) for key in table if key not in known]
@@ -50,7 +52,7 @@ def declared_mechanism(
         problem = problem_of_value(key, table[key], key not in symbols)
         if problem is not None:
             own.append(Fault((MECHANISM, key), *problem))
-    own += _faults_of_model(written, model, roles)
+    own += forgotten or _faults_of_model(written, model, roles)
     own += _muzzle_brake_without_exit(table)
     if own or model is None:
         faults += own
@@ -76,6 +78,19 @@ def model_of(table: Mapping[str, Any]) -> type[Mechanism] | None:
     if MODEL not in table and any(map(_is_model, table)):
         return None
     return next((one for name, one in MECHANISMS.items() if name == table.get(MODEL, MechanismModel.GUN)), None)
+
+
+def _forgotten_model(table: Mapping[str, Any], model: type[Mechanism] | None, roles: Collection[str]) -> list[Fault]:
+    """Ask for `MODEL` where it is not named, the roles are those of a line, and no value is a gun's alone."""
+    gun, line = MECHANISMS[MechanismModel.GUN], MECHANISMS[MechanismModel.LINE]
+    of_line = sorted(set(roles) & set(gun.foreign_roles))
+    of_gun = set(gun.symbols_of(roles)) - set(line.symbols_of(roles))
+    if MODEL in table or model is not gun or not of_line or of_gun & set(table):
+        return []
+    problem = (
+        f'is missing: write {MODEL} = "{MechanismModel.LINE}", as {", ".join(of_line)} are roles of a body on a line'
+    )
+    return [Fault((MECHANISM, MODEL), problem, FaultCode.MISSING)]
 
 
 def _is_model(key: str) -> bool:

@@ -14,6 +14,7 @@ from recoil_daq.drafting.answer import (
     a_sensitivity,
     a_sign,
     a_symbol,
+    a_tick,
     a_unit,
     as_text,
     one_of,
@@ -23,6 +24,7 @@ from recoil_rigs.checks.plausible import OF_SOURCE, U_REL
 from recoil_rigs.mechanism.mechanism_parameters import UNITS, Mechanism, MechanismModel
 
 GUN, LINE = MechanismModel.GUN, MechanismModel.LINE
+CLOCK = {"field": "device_time", "tick_s": 1e-6, "modulo": 1 << 32}
 FRAME_RATE = a_number("Hz", OF_SOURCE["frame_rate"])
 
 
@@ -38,6 +40,8 @@ FRAME_RATE = a_number("Hz", OF_SOURCE["frame_rate"])
         (two_numbers("MPa"), "[0, 250]", [0.0, 250.0]), (two_numbers("MPa"), "0 to 2500 bar", [0.0, 250.0]),
         (two_numbers("m"), "-0,5; 12 cm", [-0.005, 0.12]), (two_numbers("m"), "0,5 1,25", [0.5, 1.25]),
         (two_numbers(None), "-5 .. 5", [-5.0, 5.0]),
+        (a_tick(CLOCK), "0,1 ms", {**CLOCK, "tick_s": 1e-4}), (a_tick(CLOCK), "1e-6", CLOCK),
+        (a_tick(CLOCK), '{ field = "t", tick_s = 1e-3 }', {"field": "t", "tick_s": 1e-3}),
         (as_text, "4711", "4711"), (as_text, '"V301"', "V301"), (one_of(("trigger",)), "Trigger", "trigger"),
         (one_of(("trigger",), or_none=True), NONE, None), (a_unit(()), "bar", "bar"),
         (a_unit(("px",)), "px", "px"), (a_sign, "-1", -1), (a_sensitivity, "40,5 mV/MPa", "40,5 mV/MPa"),
@@ -65,7 +69,8 @@ def test_an_answer_is_the_value_of_its_key(read: Read, text: str, value: Any) ->
         (two_numbers("MPa"), "250", "has 1 numbers; write two"), (two_numbers(None), "0 5 bar", "is a plain number"),
         (one_of(("trigger", "breech_pressure")), "breech", "is none of breech_pressure, trigger"),
         (a_unit(()), "mmm", "is no unit: "), (a_sign, "2", "must be 1 or -1"),
-        (a_sensitivity, "40", "has no unit per unit"),
+        (a_sensitivity, "40", "has no unit per unit"), (a_tick(CLOCK), "0 us", "must be more than 0"),
+        (a_tick(CLOCK), "1 kg", "has the unit 'kg'"), (a_tick(CLOCK), "{ tick_s", "TOML's braces"),
     ],
 )  # fmt: skip
 def test_what_is_none_is_refused_with_what_would_be_one(read: Read, text: str, said: str) -> None:

@@ -98,6 +98,24 @@ def test_answers_by_which_a_file_is_not_read_are_kept_and_said(run, monkeypatch:
 
 @pytest.mark.whole_way
 @pytest.mark.usefixtures("stand")
+def test_a_counter_on_two_buses_of_one_log_is_drafted_as_check_takes_it(run) -> None:
+    lines = [
+        *Path("Bus1_0001.log").read_text(encoding="utf-8").splitlines(),
+        *Path("Bus2_0001.log").read_text(encoding="utf-8").splitlines(),
+    ]
+    buses = {line.split()[1] for line in lines}
+    assert len(buses) == 2
+    Path("Bus_0001.log").write_text("\n".join(sorted(lines)) + "\n", encoding="utf-8")
+    assert run("init", "Messung_0001.csv", "Bus_0001.log", "--database", "bus1.dbc").exit_code == 0
+    rig = Path("rig.toml").read_text(encoding="utf-8")
+    counters = next(row["counters"] for row in tomllib.loads(rig)["source"] if row["kind"] == "can")
+    assert len(counters) == 1
+    assert "@" not in counters[0]
+    assert "could count messages" not in run("check", "rig.toml", "Bus_0001.log").output
+
+
+@pytest.mark.whole_way
+@pytest.mark.usefixtures("stand")
 def test_databases_that_say_the_same_of_a_bus_are_no_question() -> None:
     Path("copy.dbc").write_bytes(Path("bus1.dbc").read_bytes())
     found = draft_rig(["Messung_0001.csv", "Bus1_0001.log"], databases=["bus1.dbc", "copy.dbc"], out="rig.toml")
@@ -181,7 +199,8 @@ def test_a_terminal_is_asked_first_for_what_opens_files_and_then_for_what_they_t
     asked: list[str] = []
     answers = {
         "source[1] 'can'.database": "bus1.dbc", "source[2] 'can_2'.database": "bus2.dbc",
-        "channel[8] 'serial_i16_at_8'.sensor.gain": "0,0000305175", "mechanism.phi20": "9,74 deg",
+        "source[3] 'serial'.framing.device_time": "1 µs",
+        "channel[8] 'serial_i16_at_8'.sensor.gain": "0,0000305175 rad/s", "mechanism.phi20": "9,74 deg",
     }  # fmt: skip
 
     def typed(*_: object, default: str, **__: object) -> str:
@@ -206,3 +225,37 @@ def test_a_terminal_is_asked_first_for_what_opens_files_and_then_for_what_they_t
     }  # fmt: skip
     assert rig["mechanism"]["phi20"] == pytest.approx(0.16999, rel=1e-4)
     assert next(row for row in rig["channel"] if row["signal"] == "i16_at_8")["sensor"]["gain"] == 3.05175e-5
+
+
+@pytest.mark.whole_way
+@pytest.mark.usefixtures("stand")
+def test_a_sensor_without_certificate_is_answered_in_the_unit_that_was_answered_before(
+    run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = Path("sensoren.csv").read_text(encoding="utf-8")
+    Path("sensoren.csv").write_text("".join(row for row in table.splitlines(True) if "V501" not in row), "utf-8")
+    asked: list[str] = []
+    answers = {"unit": "deg/s", "range": "-60 .. 60 deg/s", "gain": "0,0017 deg/s"}
+    again: list[str] = []
+
+    def typed(*_: object, default: str, **__: object) -> str:
+        # a refused answer is not typed for ever
+        return (
+            default
+            if again
+            else next((text for key, text in answers.items() if asked[-1].endswith(f".{key}")), default)
+        )
+
+    def echo(text: str = "", **_: object) -> None:
+        again.extend(re.findall("once more", str(text)))
+        asked.extend(re.findall(r"^\[\d+ of \d+\] (.*?): ", str(text)))
+
+    monkeypatch.setattr("recoil_daq.terminal.session.Session.asks", True)
+    monkeypatch.setattr("recoil_daq.drafting.asking.typer.prompt", typed)
+    monkeypatch.setattr("recoil_daq.drafting.asking.typer.echo", echo)
+    done = run("init", "Messung_0001.csv", "Kreisel_0001.bin", "--sensors", "sensoren.csv")
+    assert done.exit_code == 0, done.output
+    assert not again
+    rows = tomllib.loads(Path("rig.toml").read_text(encoding="utf-8"))["channel"]
+    (rate,) = (row for row in rows if row["signal"] == "i16_at_8")
+    assert (rate["unit"], rate["sensor"]["range"], rate["sensor"]["gain"]) == ("deg/s", [-60.0, 60.0], 0.0017)

@@ -55,6 +55,20 @@ def test_a_model_that_is_misspelt_is_no_gun() -> None:
     assert found == "mechanism.modell: unknown key; did you mean `model`?"
 
 
+def test_a_model_that_is_forgotten_is_asked_for_and_nothing_of_a_gun() -> None:
+    (found,) = faults_of("sled", ('model = "line"', ""))
+    assert found == (
+        'mechanism.model: is missing: write model = "line", as driving_force, recoil_velocity, resisting_force are '
+        "roles of a body on a line"
+    )
+
+
+def test_a_value_of_a_gun_makes_a_role_of_a_line_the_fault() -> None:
+    found = faults_of("sled", ('model = "line"', "XA = 1.95"))
+    assert "mechanism.YA" in {one.partition(":")[0] for one in found}
+    assert not any(one.startswith("mechanism.model:") for one in found)
+
+
 def test_two_mistakes_are_two_faults() -> None:
     found = faults_of("mixed", ('name = "p_brake"', "name = 5"), ("m3 = 782.0", 'm3 = "heavy"'))
     assert len(found) == 2

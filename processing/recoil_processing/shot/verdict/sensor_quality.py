@@ -17,7 +17,7 @@ from recoil_rigs.shots.assemble import shown_unit
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.channel_table import range_si
 
-LEAST_USED, MOST_USED = 0.02, 1.1
+LEAST_USED, MOST_USED = 0.02, 1.02
 """Shares of a sensor's range between which lies the peak of a shot that was measured with the right one."""
 
 
@@ -40,7 +40,7 @@ def check_sensors(fired: FiredShot, alignments: Sequence[ClockAlignment]) -> Ite
 
 
 def _exchanged(fired: FiredShot) -> Iterator[QualityCheck]:
-    """Two channels whose peaks fit each other's range, and not both of them their own."""
+    """Two channels whose peaks fit each other's range, and one of which is beyond its own."""
     used: dict[str, tuple[float, float]] = {}
     for name, fired_channel in fired.channels.items():
         limits, (_, unit) = range_si(fired_channel.spec), shown_unit(fired_channel.spec)
@@ -57,9 +57,14 @@ def _exchanged(fired: FiredShot) -> Iterator[QualityCheck]:
     def misfits(*pair: str) -> list[str]:
         return [name for name in pair if not fits(name, name)]
 
+    def exchanges(*pair: str) -> bool:
+        # a range that is hardly used is no evidence alone: inertial sensors are bought with generous ones
+        beyond = any(used[name][1] >= MOST_USED * used[name][0] for name in pair)
+        return beyond and fits(*pair) and fits(*reversed(pair))
+
     # the likeliest first: that explains two peaks, then of sensors of one quantity, which are exchanged more easily
     fitting = sorted(
-        (pair for pair in combinations(used, 2) if misfits(*pair) and fits(*pair) and fits(*reversed(pair))),
+        (pair for pair in combinations(used, 2) if exchanges(*pair)),
         key=lambda pair: (-len(misfits(*pair)), len({fired.channels[name].spec.quantity for name in pair})),
     )
     explained: set[str] = set()

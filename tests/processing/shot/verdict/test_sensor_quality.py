@@ -65,6 +65,26 @@ def test_exchanged_tables_of_two_gauges_are_asked_about_and_no_other_that_would_
     assert {name: len(said) for name, said in found.items()} == {"p_breech": 1, "p_brake": 1}
 
 
+def test_exchanged_ranges_of_two_gauges_are_asked_about() -> None:
+    virtual = virtual_shot("mixed")
+    assert set(asked(virtual, exchanged(virtual.rig.text, "[-1.6, 16.0]", "[-0.6, 6.0]"))) == {
+        "p_brake",
+        "p_recuperator",
+    }
+
+
+def test_a_peak_beyond_a_range_that_two_channels_have_is_no_exchange() -> None:
+    virtual = virtual_shot("mixed")
+    assert asked(virtual, virtual.rig.text.replace("[-1.6, 16.0]", "[-0.6, 6.0]")) == {}
+
+
+def test_a_gyro_of_a_generous_range_is_not_taken_for_an_accelerometer() -> None:
+    virtual = virtual_shot("mixed")
+    generous = re.sub(r'("V501"[^\n]*range = )\[-1.0, 1.0\]', r"\1[-35.0, 35.0]", virtual.rig.text)
+    assert generous != virtual.rig.text
+    assert asked(virtual, generous) == {}
+
+
 def test_a_channel_that_repeats_another_by_too_little_is_asked_about() -> None:
     virtual = virtual_shot("mixed")
     fired = FiredShot(virtual.shot, virtual.rig)
