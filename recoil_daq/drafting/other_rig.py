@@ -11,6 +11,7 @@ from typing import Any
 from recoil_acquisition.errors import Fault, FaultCode, ReadError, RigError
 from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.files.regular_file import read_small
+from recoil_acquisition.files.shot_name import composed
 from recoil_rigs.tables.open_values import question_of, without_open_values
 from recoil_rigs.tables.rig_tables import LAYOUT_KINDS, SHOT_PLACE
 
@@ -184,4 +185,4 @@ def _kind(row: Row) -> str:
 
 def _fits(match: Any, file_name: str) -> bool:
     pattern = match.replace(SHOT_PLACE, "*") if isinstance(match, str) else None
-    return pattern is not None and fnmatch.fnmatch(file_name.casefold(), pattern.casefold())
+    return pattern is not None and fnmatch.fnmatch(composed(file_name).casefold(), composed(pattern).casefold())
