@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+import unicodedata
 from pathlib import Path
 from shutil import copytree
 
@@ -94,6 +95,23 @@ def test_answers_by_which_a_file_is_not_read_are_kept_and_said(run, monkeypatch:
     assert "notes.txt: this is no CAN database" in last
     rig = tomllib.loads(Path("rig.toml").read_text(encoding="utf-8"))
     assert (rig["source"][1]["database"], rig["mechanism"]["m3"]) == ("notes.txt", 782.0)
+
+
+@pytest.mark.whole_way
+@pytest.mark.usefixtures("stand")
+def test_names_are_found_however_their_signs_over_letters_are_spelled(run) -> None:
+    table = Path("sensoren.csv").read_text("utf-8")
+    Path("sensoren.csv").write_text(unicodedata.normalize("NFD", table), "utf-8")
+    assert run("init", "Messung_0001.csv", "--sensors", "sensoren.csv").exit_code == 0
+    rig = Path("rig.toml").read_text("utf-8")
+    assert (
+        next(row for row in tomllib.loads(rig)["channel"] if row["signal"] == "Lafette längs")["sensor"]["serial"]
+        == "V102"
+    )
+    Path("rig.toml").write_text(
+        rig.replace('"Lafette längs"', unicodedata.normalize("NFD", '"Lafette längs"')), "utf-8"
+    )
+    assert "no signal" not in run("check", "rig.toml", "Messung_0001.csv").output
 
 
 @pytest.mark.whole_way
