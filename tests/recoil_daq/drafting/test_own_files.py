@@ -112,6 +112,8 @@ def test_names_are_found_however_their_signs_over_letters_are_spelled(run) -> No
         rig.replace('"Lafette längs"', unicodedata.normalize("NFD", '"Lafette längs"')), "utf-8"
     )
     assert "no signal" not in run("check", "rig.toml", "Messung_0001.csv").output
+    again = run("init", "Messung_0001.csv", "--from", "rig.toml", "--out", "new.toml", "--json")
+    assert json.loads(again.stdout)["differences"] == []
 
 
 @pytest.mark.whole_way
