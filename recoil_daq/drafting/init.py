@@ -23,7 +23,7 @@ from recoil_acquisition.errors import (
 from recoil_acquisition.files.bounded_toml import parse_toml
 from recoil_acquisition.files.new_file import give_name, partial_path
 from recoil_acquisition.files.regular_file import check_regular
-from recoil_acquisition.files.shot_name import numbers_of
+from recoil_acquisition.files.shot_name import composed, numbers_of
 from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_daq.arguments import shot_file_error
 from recoil_daq.drafting.answer import Answer
@@ -348,8 +348,8 @@ def _notes(evidence: Evidence, databases: Sequence[Database], sensors: str | Pat
     if databases and not buses:
         notes.append("a database is given, and no bus log")
     if sensors is not None:
-        known = {one.signal for one in evidence.certificates if one.signal}
-        lost = sorted(known - {one.name for one in evidence.signals})
+        known = {composed(one.signal) for one in evidence.certificates if one.signal}
+        lost = sorted(known - {composed(one.name) for one in evidence.signals})
         notes += [f"{Path(sensors).name}: no file has the signal {name!r}" for name in lost]
     return notes
 

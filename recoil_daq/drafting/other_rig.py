@@ -11,6 +11,7 @@ from typing import Any
 from recoil_acquisition.errors import Fault, FaultCode, ReadError, RigError
 from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.files.regular_file import read_small
+from recoil_acquisition.files.shot_name import composed
 from recoil_rigs.tables.open_values import question_of, without_open_values
 from recoil_rigs.tables.rig_tables import LAYOUT_KINDS, SHOT_PLACE
 
@@ -137,11 +138,12 @@ class OtherRig:
             Source and name of each signal of the files.
         """
         listed = {source for source, _ in signals}
+        there = {(source, composed(signal)) for source, signal in signals}
         for row in self.rows("source"):
             if row.get("name") not in sources:
                 yield f"{self.path.name} has a source {row.get('name')!r}, of which no file is given"
         for row in self.rows("channel"):
-            if row.get("source") in listed and (row.get("source"), row.get("signal")) not in signals:
+            if row.get("source") in listed and (row.get("source"), composed(str(row.get("signal")))) not in there:
                 channel = f"{self.path.name} has a channel {row.get('name')!r} of the signal {row.get('signal')!r}"
                 yield f"{channel}, which the file of {row.get('source')!r} does not have"
 
@@ -173,7 +175,7 @@ def _table(value: Any) -> Row:
 
 def _row_of(channels: tuple[Row, ...], source: str, signal: str) -> Row:
     """Return the channel of a signal: of the source if several sources have such a signal."""
-    rows = [row for row in channels if row.get("signal") == signal]
+    rows = [row for row in channels if composed(str(row.get("signal", ""))) == composed(signal)]
     own = [row for row in rows if row.get("source") == source] or rows
     return own[0] if len(own) == 1 else {}
 
@@ -184,4 +186,4 @@ def _kind(row: Row) -> str:
 
 def _fits(match: Any, file_name: str) -> bool:
     pattern = match.replace(SHOT_PLACE, "*") if isinstance(match, str) else None
-    return pattern is not None and fnmatch.fnmatch(file_name.casefold(), pattern.casefold())
+    return pattern is not None and fnmatch.fnmatch(composed(file_name).casefold(), composed(pattern).casefold())

@@ -21,6 +21,7 @@ from recoil_acquisition.devices.can_device import delivers_several_buses
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, ReadError, RigError, Row
 from recoil_acquisition.files.bounded_toml import LARGEST_BYTES
 from recoil_acquisition.files.regular_file import check_regular, read_small
+from recoil_acquisition.files.shot_name import composed
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.can.messages import CanDatabase, load_database
 from recoil_acquisition.readers.reader import Declarations
@@ -295,7 +296,7 @@ class Rig(Listed):
 
     def matching(self, file_name: str) -> tuple[Source, ...]:
         """Return the sources whose ``match`` pattern fits a file name, without regard to case."""
-        return tuple(s for s in self.sources if s.pattern is not None and s.pattern.fullmatch(file_name))
+        return tuple(s for s in self.sources if s.pattern is not None and s.pattern.fullmatch(composed(file_name)))
 
     @property
     def warnings(self) -> tuple[Fault, ...]:

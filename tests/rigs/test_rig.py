@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import Fault, ReadError, RigError
+from recoil_acquisition.files.shot_name import numbers_of
 from recoil_acquisition.quantities.quantity import SI_UNITS
 from recoil_rigs.mechanism.gun import Gun
 from recoil_rigs.mechanism.model import Mechanism
@@ -1074,3 +1075,12 @@ def test_a_misspelt_key_of_a_row_hides_no_fault_within_it() -> None:
         "source[3] 'imu'.matsch", "source[3] 'imu'.framing.kind", "channel[6] 'sync_imu'.signl",
         "channel[4] 'x_recoil'.units", "channel[4] 'x_recoil'.unit",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("match", ["Schuss_{shot}_Prüfung.csv", "Schuss_{shot}_Pru\u0308fung.csv"])
+@pytest.mark.parametrize("name", ["Schuss_0017_Prüfung.csv", "Schuss_0017_Pru\u0308fung.csv"])
+def test_a_name_is_matched_however_its_signs_over_letters_are_spelled(match: str, name: str) -> None:
+    old = re.search(r'match = "[^"]*"', RIG)[0]
+    rig = parse_rig(RIG.replace(old, f'match = "{match}"', 1), PATH, {"rig.dbc": DATABASE})
+    (source,) = rig.matching(name)
+    assert numbers_of(Path(name), source.pattern) == {17}

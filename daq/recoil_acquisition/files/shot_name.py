@@ -27,6 +27,11 @@ _NO_NUMBERS = tuple(
 )
 
 
+def composed(name: str) -> str:
+    """Return a name with each sign over its letter: macOS and some archives spell file names with both apart."""
+    return unicodedata.normalize("NFC", name)
+
+
 def shot_name_fault(name: str) -> str | None:
     """Say why a shot cannot bear a name.
 
@@ -44,9 +49,9 @@ def shot_name_fault(name: str) -> str | None:
         return "is empty"
     if len(name.encode(errors="surrogatepass")) > LONGEST_BYTES:
         return f"is longer than {LONGEST_BYTES} bytes: the files that are named after it would not all have room"
-    composed = unicodedata.normalize("NFC", name)
-    if composed != name:
-        return f"is spelled with signs on their own over letters, as macOS spells file names: write it as {composed!r}"
+    if composed(name) != name:
+        right = composed(name)
+        return f"is spelled with signs on their own over letters, as macOS spells file names: write it as {right!r}"
     if unsafe := re.search(r"[^\w.+-]", name):
         return f"holds {unsafe.group()!r}: letters, digits, `_`, `-`, `+` and `.` are safe in file names everywhere"
     if name[0] in "-.":
@@ -76,7 +81,7 @@ def numbers_of(path: Path, pattern: re.Pattern[str] | None = None) -> frozenset[
         between ``_``, ``-`` and spaces; none of a date, a time or a version does.
     """
     if pattern is not None:
-        place = pattern.fullmatch(path.name)
+        place = pattern.fullmatch(composed(path.name))
         return frozenset() if place is None else frozenset({int(place.group("shot"))})
     stem = path.stem
     for text in _NO_NUMBERS:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
+from unicodedata import normalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -219,7 +220,11 @@ class Recording(Listed):
         self._outside: dict[str, tuple[int, int]] = {}
         self._usual: dict[str, tuple[float, int, int]] = {}
         self._notes, self._absolute_start, self._tracks = notes, absolute_start, tracks
-        self.check_name, self.aliases = check_name, aliases
+        # a name with its signs over letters apart is one with another, whoever typed it
+        names = [name for name in self._channels if not name.isascii()]
+        spelled = {normalize(form, name): name for name in names for form in ("NFC", "NFD")}
+        other = {name: own for name, own in spelled.items() if name not in self._channels}
+        self.check_name, self.aliases = check_name, MappingProxyType(other | dict(aliases))
 
     def __repr__(self) -> str:
         cut = ", cut off" if self.incomplete else ""

@@ -25,6 +25,7 @@ from recoil_acquisition.errors import (
     quoted,
 )
 from recoil_acquisition.files.regular_file import read_small
+from recoil_acquisition.files.shot_name import composed
 from recoil_acquisition.quantities.quantity import SI_UNITS, UNITS, Unit, find_unit, normalise_unit
 from recoil_acquisition.quantities.typed_quantity import TypedError, typed_quantity
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Line, Spreadsheet
@@ -415,7 +416,9 @@ def certificate_for(
         Quantity of the channel; empty if it is not known.
     """
     known = [one for one in certificates if not quantity or one.quantity in ("", quantity)]
-    by_signal = [one for one in known if one.signal and one.signal == signal and serial in ("", one.serial)]
+    by_signal = [
+        one for one in known if one.signal and composed(one.signal) == composed(signal) and serial in ("", one.serial)
+    ]
     fitting = by_signal or [one for one in known if serial and one.serial == serial and not one.signal]
     # a row of the quantity itself says more than one that names none
     stating = [one for one in fitting if one.quantity] or fitting

@@ -15,6 +15,7 @@ from pydantic import Field, field_validator, model_validator
 
 from recoil_acquisition.devices.can_device import delivers_several_buses
 from recoil_acquisition.errors import Fault, FaultCode, FramingError
+from recoil_acquisition.files.shot_name import composed
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.live_kind import live_kind_of, live_kinds
 from recoil_acquisition.quantities.declaration import DeclaredTable, Finite, NotNegative, Positive, Text, declared
@@ -285,11 +286,11 @@ class Source(DeclaredTable):
 
     @property
     def pattern(self) -> re.Pattern[str] | None:
-        """Pattern of `match`, without regard to case; the shot's number is its group ``shot``."""
+        """Pattern of `match` for composed names, without regard to case; the shot's number is its group ``shot``."""
         if self.match is None:
             return None
         place = "\ue000"  # a letter that globs and regular expressions leave alone
-        text = fnmatch.translate(self.match.replace(SHOT_PLACE, place))
+        text = fnmatch.translate(composed(self.match).replace(SHOT_PLACE, place))
         return re.compile(text.replace(place, r"(?P<shot>[0-9]{1,9})"), re.IGNORECASE)
 
 

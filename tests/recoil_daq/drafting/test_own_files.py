@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+import unicodedata
 from pathlib import Path
 from shutil import copytree
 
@@ -98,7 +99,27 @@ def test_answers_by_which_a_file_is_not_read_are_kept_and_said(run, monkeypatch:
 
 @pytest.mark.whole_way
 @pytest.mark.usefixtures("stand")
+def test_names_are_found_however_their_signs_over_letters_are_spelled(run) -> None:
+    table = Path("sensoren.csv").read_text("utf-8")
+    Path("sensoren.csv").write_text(unicodedata.normalize("NFD", table), "utf-8")
+    assert run("init", "Messung_0001.csv", "--sensors", "sensoren.csv").exit_code == 0
+    rig = Path("rig.toml").read_text("utf-8")
+    assert (
+        next(row for row in tomllib.loads(rig)["channel"] if row["signal"] == "Lafette längs")["sensor"]["serial"]
+        == "V102"
+    )
+    Path("rig.toml").write_text(
+        rig.replace('"Lafette längs"', unicodedata.normalize("NFD", '"Lafette längs"')), "utf-8"
+    )
+    assert "no signal" not in run("check", "rig.toml", "Messung_0001.csv").output
+    again = run("init", "Messung_0001.csv", "--from", "rig.toml", "--out", "new.toml", "--json")
+    assert json.loads(again.stdout)["differences"] == []
+
+
+@pytest.mark.whole_way
+@pytest.mark.usefixtures("stand")
 def test_a_counter_on_two_buses_of_one_log_is_drafted_as_check_takes_it(run) -> None:
+<<<<<<< HEAD
     lines = [
         *Path("Bus1_0001.log").read_text(encoding="utf-8").splitlines(),
         *Path("Bus2_0001.log").read_text(encoding="utf-8").splitlines(),
@@ -106,6 +127,13 @@ def test_a_counter_on_two_buses_of_one_log_is_drafted_as_check_takes_it(run) -> 
     buses = {line.split()[1] for line in lines}
     assert len(buses) == 2
     Path("Bus_0001.log").write_text("\n".join(sorted(lines)) + "\n", encoding="utf-8")
+=======
+    logs = (Path(name).read_text("utf-8") for name in ("Bus1_0001.log", "Bus2_0001.log"))
+    lines = [line for log in logs for line in log.splitlines()]
+    buses = {line.split()[1] for line in lines}
+    assert len(buses) == 2
+    Path("Bus_0001.log").write_text("\n".join(sorted(lines)) + "\n", "utf-8")
+>>>>>>> w-H
     assert run("init", "Messung_0001.csv", "Bus_0001.log", "--database", "bus1.dbc").exit_code == 0
     rig = Path("rig.toml").read_text(encoding="utf-8")
     counters = next(row["counters"] for row in tomllib.loads(rig)["source"] if row["kind"] == "can")

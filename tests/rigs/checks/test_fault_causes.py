@@ -58,8 +58,8 @@ def test_a_model_that_is_misspelt_is_no_gun() -> None:
 def test_a_model_that_is_forgotten_is_asked_for_and_nothing_of_a_gun() -> None:
     (found,) = faults_of("sled", ('model = "line"', ""))
     assert found == (
-        'mechanism.model: is missing: write model = "line", as driving_force, recoil_velocity, resisting_force are '
-        "roles of a body on a line"
+        'mechanism.model: is missing: write model = "line", as driving_force, recoil_velocity, resisting_force '
+        "are roles of a body on a line"
     )
 
 
