@@ -35,6 +35,11 @@ OTHERS_TEXTS = {
         "can't start new thread",
     ): "the interpreter's, which has no type for it",
     ("daq/recoil_acquisition/devices/open_fault.py", r"\[Errno (\d+)\]"): "the system's, as a library words it",
+    ("daq/recoil_acquisition/files/bounded_toml.py", r"at line (\d+)"): "the parser's, which has no number for it",
+    (
+        "daq/recoil_acquisition/files/bounded_toml.py",
+        r"([\w.-]+)[ \t]*=[ \t]*([^\s\"'\[{#][^\"'\[\]{}#]*?)[ \t]*(?:#.*)?",
+    ): "a line of TOML",
     (
         "daq/recoil_acquisition/channel.py",
         "mask overloads",

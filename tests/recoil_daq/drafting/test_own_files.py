@@ -119,21 +119,11 @@ def test_names_are_found_however_their_signs_over_letters_are_spelled(run) -> No
 @pytest.mark.whole_way
 @pytest.mark.usefixtures("stand")
 def test_a_counter_on_two_buses_of_one_log_is_drafted_as_check_takes_it(run) -> None:
-<<<<<<< HEAD
-    lines = [
-        *Path("Bus1_0001.log").read_text(encoding="utf-8").splitlines(),
-        *Path("Bus2_0001.log").read_text(encoding="utf-8").splitlines(),
-    ]
-    buses = {line.split()[1] for line in lines}
-    assert len(buses) == 2
-    Path("Bus_0001.log").write_text("\n".join(sorted(lines)) + "\n", encoding="utf-8")
-=======
     logs = (Path(name).read_text("utf-8") for name in ("Bus1_0001.log", "Bus2_0001.log"))
     lines = [line for log in logs for line in log.splitlines()]
     buses = {line.split()[1] for line in lines}
     assert len(buses) == 2
     Path("Bus_0001.log").write_text("\n".join(sorted(lines)) + "\n", "utf-8")
->>>>>>> w-H
     assert run("init", "Messung_0001.csv", "Bus_0001.log", "--database", "bus1.dbc").exit_code == 0
     rig = Path("rig.toml").read_text(encoding="utf-8")
     counters = next(row["counters"] for row in tomllib.loads(rig)["source"] if row["kind"] == "can")

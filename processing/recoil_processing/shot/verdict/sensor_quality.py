@@ -19,6 +19,8 @@ from recoil_rigs.tables.channel_table import range_si
 
 LEAST_USED, MOST_USED = 0.02, 1.02
 """Shares of a sensor's range between which lies the peak of a shot that was measured with the right one."""
+FAR_BEYOND = 2.0
+"""Share of the range of a sensor of another quantity: one that is chosen too small is so by less."""
 
 
 def check_sensors(fired: FiredShot, alignments: Sequence[ClockAlignment]) -> Iterator[QualityCheck]:
@@ -54,18 +56,22 @@ def _exchanged(fired: FiredShot) -> Iterator[QualityCheck]:
     def fits(peak_of: str, range_of: str) -> bool:
         return LEAST_USED < used[peak_of][1] / used[range_of][0] < MOST_USED
 
+    def alike(pair: tuple[str, ...]) -> bool:
+        return len({fired.channels[name].spec.quantity for name in pair}) == 1
+
     def misfits(*pair: str) -> list[str]:
         return [name for name in pair if not fits(name, name)]
 
     def exchanges(*pair: str) -> bool:
         # a range that is hardly used is no evidence alone: inertial sensors are bought with generous ones
-        beyond = any(used[name][1] >= MOST_USED * used[name][0] for name in pair)
+        most = MOST_USED if alike(pair) else FAR_BEYOND
+        beyond = any(used[name][1] >= most * used[name][0] for name in pair)
         return beyond and fits(*pair) and fits(*reversed(pair))
 
     # the likeliest first: that explains two peaks, then of sensors of one quantity, which are exchanged more easily
     fitting = sorted(
         (pair for pair in combinations(used, 2) if exchanges(*pair)),
-        key=lambda pair: (-len(misfits(*pair)), len({fired.channels[name].spec.quantity for name in pair})),
+        key=lambda pair: (-len(misfits(*pair)), not alike(pair)),
     )
     explained: set[str] = set()
     for one, other in fitting:
