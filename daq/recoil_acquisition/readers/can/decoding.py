@@ -12,6 +12,7 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -190,12 +191,18 @@ class SignalLayout:
         if self.raw_limits is not None:
             outside = (raw < self.raw_limits[0]) | (raw > self.raw_limits[1])
         found: dict[str, int] = {}
+        counted = np.zeros(raw.size, dtype=bool)
         for low, high, called in self.codes:
-            held = (raw >= low) & (raw <= high)
+            held = (raw >= low) & (raw <= high) & ~counted
+            counted |= held
             outside &= ~held
             if held.any():
                 found[called] = found.get(called, 0) + int(np.count_nonzero(held))
         return found, int(np.count_nonzero(outside))
+
+
+_OF_CODES = frozenset({"gensigsna", "gensiginvalidvalue", "gensigerrorvalue"})
+"""Attributes of a signal, in small letters, whose value is a stored number that is no measurement."""
 
 
 def layout_of(signal: Any, *, is_j1939: bool = False) -> SignalLayout | None:
@@ -251,6 +258,12 @@ def _codes(signal: Any, limits: tuple[int, int] | None, *, is_j1939: bool) -> tu
     J1939-71 has the largest numbers for what is not available, in error, or reserved, from FB in the highest byte on,
     and NMEA 2000 the three largest. A message of J1939 has them where the database states no range, too.
     """
+    attributed = [(raw, raw, f"{raw} {name!r}") for raw, name in _attributed(signal).items()]
+    return (*attributed, *_of_names(signal, limits, is_j1939=is_j1939))
+
+
+def _of_names(signal: Any, limits: tuple[int, int] | None, *, is_j1939: bool) -> tuple[tuple[int, int, str], ...]:
+    """Return those of names and of a standard."""
     length = int(signal.length)
     least, most = (-(1 << length - 1), (1 << length - 1) - 1) if signal.is_signed else (0, (1 << length) - 1)
     # of signed numbers some tools write the codes as they stand in the frame
@@ -272,6 +285,17 @@ def _codes(signal: Any, limits: tuple[int, int] | None, *, is_j1939: bool) -> tu
         if stop - first > 1:
             codes += _unnamed(first + 1, stop - 1, length, is_j1939=is_j1939 and has_ranges)
     return tuple(codes)
+
+
+def _attributed(signal: Any) -> dict[int, str]:
+    """Return the stored numbers that an attribute of the database says to be no measurement, whatever its range."""
+    attributes = getattr(getattr(signal, "dbc", None), "attributes", None) or {}
+    found = {}
+    for name, one in attributes.items():
+        if str(name).casefold() in _OF_CODES:
+            with suppress(ValueError):
+                found[int(str(one.value).strip(), 0)] = str(name)
+    return found
 
 
 def _unnamed(low: int, high: int, length: int, *, is_j1939: bool) -> Iterator[tuple[int, int, str]]:

@@ -177,3 +177,22 @@ def test_codes_and_what_is_outside_of_a_range_are_counted() -> None:
     assert layout is not None
     data = np.array([0, 2000, 2001, 3000, 0xFE00, 0xFFFF, 0xFFFF], dtype="<u8").view(np.uint8).reshape(-1, 8)
     assert layout.remarkable(data) == ({"65535 'SNA'": 2, "0xFB00 and above": 1}, 2)
+
+
+@pytest.mark.parametrize(("stated", "raw"), [("0x3E8", 1000), ("65535", 65535)])
+def test_an_attribute_names_a_code_wherever_the_range_has_it(stated: str, raw: int) -> None:
+    text = f"""VERSION ""
+BS_:
+BU_: ECU
+BO_ 256 m: 8 ECU
+ SG_ s : 0|16@1+ (0.5,-3) [0|32764] "" ECU
+BA_DEF_ SG_ "GenSigSNA" STRING ;
+BA_DEF_DEF_ "GenSigSNA" "";
+BA_ "GenSigSNA" SG_ 256 s "{stated}";
+"""
+    database = cantools.database.load_string(text, "dbc")
+    layout = layout_of(database.messages[0].signals[0])
+    assert layout is not None
+    data = np.array([10, raw, raw], dtype="<u8").view(np.uint8).reshape(-1, 8)
+    assert np.isnan(layout.decode(data)).tolist() == [False, True, True]
+    assert layout.remarkable(data) == ({f"{raw} 'GenSigSNA'": 2}, 0)
