@@ -79,6 +79,8 @@ _OF_PLACES = frozenset((
 """Words in names of numbers that count and place, and measure nothing."""
 _LEAST_WORDS, _MOST_WORDS = frozenset({"min", "low", "lower", "least"}), frozenset({"max", "high", "upper", "most"})
 _STARTS = frozenset({"start", "starttime", "date", "datetime", "begin", "started", "timestamp", "datum"})
+_COUNTED_S = 3.5e8, 4.1e9
+"""Seconds from 1970 to 1981 and to 2100."""
 _NO_START = frozenset({"calibration", "cal", "due", "creation", "created", "modified", "version", "build"})
 """Words of dates that begin no record."""
 _POLYNOMIAL = re.compile(r"[abckm]_?\d?", re.IGNORECASE)
@@ -186,9 +188,10 @@ class Statements:
 
     @cached_property
     def starts(self) -> tuple[tuple[str, str], ...]:
-        """Texts that date the record, by their names, used or not."""
-        texts = ((name, value.strip()) for name, value in self.said.items() if isinstance(value, str))
-        return tuple((name, text) for name, text in texts if _of_start(name) and is_dated(text))
+        """Texts and counts since 1970 that date the record, by their names, used or not."""
+        of_start = ((name, value) for name, value in self.said.items() if _of_start(name))
+        dated = ((name, value.strip() if isinstance(value, str) else _since_1970(value)) for name, value in of_start)
+        return tuple((name, text) for name, text in dated if text.isdigit() or is_dated(text))
 
     @property
     def scaling(self) -> str:
@@ -398,6 +401,14 @@ def _kind_of(name: str, value: Any, numbers: tuple[float, ...]) -> StatementKind
     if _POLYNOMIAL.fullmatch(name):
         return StatementKind.COEFFICIENT
     return None if _OF_PLACES & set(words) else StatementKind.NUMBER
+
+
+def _since_1970(value: Any) -> str:
+    """Return a number that counts seconds, ms, us or ns from 1970 to a day since 1981, in whole ones; else nothing."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return ""
+    counts = any(_COUNTED_S[0] <= value / per_s <= _COUNTED_S[1] for per_s in (1.0, 1e3, 1e6, 1e9))
+    return f"{value:.0f}" if counts else ""
 
 
 def _of_start(name: str) -> bool:

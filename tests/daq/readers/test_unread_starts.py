@@ -22,7 +22,7 @@ from recoil_acquisition.readers.uff.reader import UffReader
 VALUES = np.linspace(0.0, 1.0, 12)
 
 
-def hdf5(date: str) -> bytes:
+def hdf5(date: str | float) -> bytes:
     target = io.BytesIO()
     with h5py.File(target, "w") as file:
         file.attrs["start_time"] = date
@@ -100,3 +100,18 @@ def test_a_date_whose_order_is_told_is_the_start(
     start = reader.open(path, Declarations("dewetron")).absolute_start
     assert start is not None
     assert start.text == "2024-04-03T10:00:00"
+
+
+def notes_of(path: Path, start: float) -> list[str]:
+    path.write_bytes(hdf5(start))
+    return [str(note) for note in Hdf5Reader().open(path, Declarations("dewetron")).notes]
+
+
+@pytest.mark.parametrize("start", [1.7e9, 1_700_000_000_123, np.int64(1_700_000_000_123_456_789)])
+def test_a_start_that_is_counted_since_1970_is_named(tmp_path: Path, start: float) -> None:
+    (told,) = (note for note in notes_of(tmp_path / "a.h5", start) if "states start_time = '17000000" in note)
+    assert told.endswith("which is not understood: the start is not known")
+
+
+def test_a_small_number_by_the_name_of_a_start_is_no_date(tmp_path: Path) -> None:
+    assert not any("the start is not known" in note for note in notes_of(tmp_path / "a.h5", 12.5))
