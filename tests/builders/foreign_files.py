@@ -56,6 +56,12 @@ def _arrays() -> bytes:
 EBML = b"\x1a\x45\xdf\xa3\x9f\x42\x86\x81\x01\x42\xf7\x81\x01\x42\xf2\x81\x04\x42\xf3\x81\x08"
 
 FOREIGN_FILES: dict[str, tuple[bytes, ...]] = {
+    "a CAN database": (
+        b'VERSION ""\r\n\r\nNS_ :\r\n\tCM_\r\n\r\nBS_:\r\n\r\nBU_: Node\r\n\r\nBO_ 256 m: 8 Node\r\n',
+        b'FormatVersion=6.0 // Do not edit this line!\r\nTitle="bus"\r\n',
+        b"<NetworkDefinition xmlns='http://kayak.2codeornot2code.org/1.0'>",
+        b'<?xml version="1.0" encoding="UTF-8"?>\n<AUTOSAR xmlns="http://autosar.org/schema/r4.0">',
+    ),
     "an imc FAMOS file": (
         b"|CF,2,1,1;|CK,1,3,1,1;|NO,1,10,0,0,0,0,0;|CG,1,5,1,1,1;",
         b"|CF,2,1,1;\r\n|CK,1,3,1,1;\r\n|NO,1,12,1,5,Famos,0,;\r\n",
