@@ -36,6 +36,7 @@ from recoil_acquisition.readers.statements import (
     Statements,
     about_open,
     about_outside,
+    about_rates,
     about_starts,
     about_usual_code,
     outside,
@@ -255,6 +256,13 @@ class Recording(Listed):
         yield from _about_times_apart(self._channels.values())
         beside = {name: one.beside for name, one in self._channels.items()}
         yield from about_open(beside)
+        yield from about_rates(
+            {
+                name: (one.beside, one.time_base.rate_hz)
+                for name, one in self._channels.items()
+                if isinstance(one.time_base, TimeBase) and one.time_base.step_s
+            }
+        )
         if start is None:
             yield from about_starts(beside)
         for name, (count, of) in self._marked.items():

@@ -79,6 +79,16 @@ _OF_PLACES = frozenset((
 """Words in names of numbers that count and place, and measure nothing."""
 _LEAST_WORDS, _MOST_WORDS = frozenset({"min", "low", "lower", "least"}), frozenset({"max", "high", "upper", "most"})
 _STARTS = frozenset({"start", "starttime", "date", "datetime", "begin", "started", "timestamp", "datum"})
+_RATES = frozenset({
+    "fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "scanrate", "abtastrate",
+})  # fmt: skip
+"""Names, in small letters, of samples per second."""
+_INTERVALS = frozenset({"dt", "deltat", "sampleinterval", "samplinginterval", "samplingperiod", "sampleperiod"})
+"""Names of seconds from sample to sample."""
+_PER = {"": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "s": 1.0, "ms": 1e-3, "us": 1e-6, "\u00b5s": 1e-6}
+"""Units of rates and of intervals, in small letters."""
+_SAME_RATE = 1e-3
+"""Relative difference below which two rates are one, printed to three digits."""
 _COUNTED_S = 3.5e8, 4.1e9
 """Seconds from 1970 to 1981 and to 2100."""
 _NO_START = frozenset({"calibration", "cal", "due", "creation", "created", "modified", "version", "build"})
@@ -189,9 +199,14 @@ class Statements:
     @cached_property
     def starts(self) -> tuple[tuple[str, str], ...]:
         """Texts and counts since 1970 that date the record, by their names, used or not."""
-        of_start = ((name, value) for name, value in self.said.items() if _of_start(name))
-        dated = ((name, value.strip() if isinstance(value, str) else _since_1970(value)) for name, value in of_start)
-        return tuple((name, text) for name, text in dated if text.isdigit() or is_dated(text))
+        dated = ((name, _dated(value)) for name, value in self.said.items() if _of_start(name))
+        return tuple((name, text) for name, text in dated if text)
+
+    @cached_property
+    def rates_hz(self) -> tuple[tuple[str, float], ...]:
+        """Rates that stand beside the samples, used or not, by the names of what states them."""
+        stated = ((name, _rate_hz(name, *_numbers_of(value))) for name, value in self.said.items())
+        return tuple((name, rate_hz) for name, rate_hz in stated if rate_hz is not None)
 
     @property
     def scaling(self) -> str:
@@ -261,6 +276,30 @@ def about_open(statements: Mapping[str, Statements]) -> list[Remark]:
     return [
         *(_note(one, labels) for one, labels in several.items()),
         *(_about_numbers(numbers, labels) for numbers, labels in unknown.items()),
+    ]
+
+
+def about_rates(statements: Mapping[str, tuple[Statements, float]]) -> list[Remark]:
+    """Return the notes on rates that are stated beside samples which come at another one.
+
+    Parameters
+    ----------
+    statements
+        Statements of each signal, by its name, and the rate of its samples, Hz.
+    """
+    other: dict[tuple[str, float, float], list[str]] = {}
+    for label, (beside, rate_hz) in statements.items():
+        for name, stated_hz in beside.rates_hz:
+            if abs(stated_hz / rate_hz - 1.0) > _SAME_RATE:
+                other.setdefault((name, stated_hz, rate_hz), []).append(label)
+    return [
+        Note(
+            NoteCode.CONTRADICTION,
+            labels[0] if len(labels) == 1 else None,
+            f"{_first_of(labels)}: the file states {name}, which makes {stated_hz:.6g} Hz, and dates the samples at "
+            f"{rate_hz:.6g} Hz: they are taken as they are dated",
+        )
+        for (name, stated_hz, rate_hz), labels in other.items()
     ]
 
 
@@ -403,8 +442,20 @@ def _kind_of(name: str, value: Any, numbers: tuple[float, ...]) -> StatementKind
     return None if _OF_PLACES & set(words) else StatementKind.NUMBER
 
 
-def _since_1970(value: Any) -> str:
-    """Return a number that counts seconds, ms, us or ns from 1970 to a day since 1981, in whole ones; else nothing."""
+def _rate_hz(name: str, numbers: Sequence[float], unit: str) -> float | None:
+    """Return the rate that a number with its unit states by its name, in Hz; None where it states none."""
+    short, per = folded(name).removeprefix("ni").removesuffix("hz"), _PER.get(unit.casefold())
+    if len(numbers) != 1 or per is None or not (isfinite(numbers[0]) and numbers[0] > 0):
+        return None
+    if short in _RATES:
+        return numbers[0] * per
+    return 1.0 / (numbers[0] * per) if short.removesuffix("s") in _INTERVALS else None
+
+
+def _dated(value: Any) -> str:
+    """Return a text that dates, or a number that counts s, ms, us or ns from 1970 to a day since 1981; else nothing."""
+    if isinstance(value, str):
+        return value.strip() if is_dated(value) else ""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return ""
     counts = any(_COUNTED_S[0] <= value / per_s <= _COUNTED_S[1] for per_s in (1.0, 1e3, 1e6, 1e9))

@@ -129,3 +129,30 @@ def test_lines_of_a_head_and_texts_are_statements_too() -> None:
     (one,) = Statements({"comment": "to be multiplied by the factor 0.5"}).open
     assert one.kind is StatementKind.WORDS
     assert Statements({"comment": "gain = 2"}).scaling == "gain"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "rate_hz"),
+    [
+        ("sampling_rate", 500.0, 500), ("Sample Rate", "2 kHz", 2000), ("NI_SampleRate", 2000, 2000),
+        ("fs_hz", 900.0, 900), ("dt", 2e-3, 500), ("sample_interval", "4 ms", 250),
+    ],
+)  # fmt: skip
+def test_a_rate_that_the_samples_have_not_is_named(name: str, value: Any, rate_hz: int) -> None:
+    (note,) = recorded(*[Statements({name: value}, {name})] * 2).notes
+    assert note == (
+        f"p0, p1: the file states {name}, which makes {rate_hz} Hz, and dates the samples at 1000 Hz: they are taken "
+        "as they are dated"
+    )
+    assert note.code == NoteCode.CONTRADICTION
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("sample_rate", 1000.4), ("fs", "1 kHz"), ("dt", 1e-3), ("fs", 0), ("fs", float("nan")), ("fs", [500.0, 2.0]),
+        ("fs", "3 turns"), ("rate", 5.0),
+    ],
+)  # fmt: skip
+def test_the_rate_that_the_samples_have_and_what_is_none_are_not(name: str, value: Any) -> None:
+    assert recorded(Statements({name: value})).notes == ()
