@@ -30,7 +30,7 @@ def test_a_gap_in_the_motion_is_said_before_the_clock_that_it_leaves_in_doubt(
     document = ingested(run, mixed_shot, tmp_path, 3000, 4500)
     reason = document["reasons"][0]
     assert reason.startswith("acc_recoil: about 1500 instants are missing between 7250; longest step 60 ms")
-    assert "it is the motion by which camera is aligned; this explains 7 more" in reason
+    assert "it is the motion by which camera is aligned; this explains 6 more" in reason
     told = {(one["code"], one["about"]): one["severity"] for one in document["findings"]}
     assert told["gap of the reference", "acc_recoil"] == "fatal"
     # the role that one clock in doubt leaves without a channel, and the other clock
