@@ -17,7 +17,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from math import isfinite, isnan
+from math import isfinite, isnan, nan
 from typing import Any
 from unicodedata import normalize
 
@@ -95,6 +95,8 @@ _NO_START = frozenset({"calibration", "cal", "due", "creation", "created", "modi
 """Words of dates that begin no record."""
 _POLYNOMIAL = re.compile(r"[abckm]_?\d?", re.IGNORECASE)
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_EITHER = re.compile(r"\s*[+-]?[1-9]\d{0,2},\d{3}(?![\d,.])")
+"""A number whose comma may part thousands or decimals."""
 _NUMBER_AND_UNIT = re.compile(rf"\s*({_NUMBER})(?![\d.:-])\s*([^\d\s]\S*)?\s*")
 _LINE = re.compile(
     rf"[\s#%/;*\"]*([^\W\d][^:=,;\t\"]{{0,60}}?)\"?\s*[:=,;\t]+\s*\"?({_NUMBER})(?![\d.:/-])\s*([^\d\s,;]*)"
@@ -246,6 +248,8 @@ def statement_of(name: str, value: Any) -> Statement | None:
     """Return what a name and a value may do to numbers; None where they do nothing to them."""
     numbers, unit = _numbers_of(value)
     text = f"{', '.join(f'{n:g}' for n in numbers[:4])}{' ..' if len(numbers) > 4 else ''} {unit}".strip()
+    if isinstance(value, str) and any(map(isnan, numbers)):
+        text = ""
     kind = _kind_of(name, value, numbers)
     return None if kind is None else Statement(kind, name, numbers, text or repr(_cut(str(value))))
 
@@ -468,8 +472,13 @@ def _of_start(name: str) -> bool:
 
 
 def _numbers_of(value: Any) -> tuple[tuple[float, ...], str]:
-    """Return the numbers of a value and the unit behind them; none where it holds anything else."""
+    """Return the numbers of a value and the unit behind them; none where it holds anything else.
+
+    A number whose comma may part thousands or decimals is NaN.
+    """
     if isinstance(value, str):
+        if _EITHER.match(value) is not None:
+            return (nan,), ""
         match = _NUMBER_AND_UNIT.fullmatch(value if value.count(",") != 1 else value.replace(",", "."))
         return ((float(match[1]),), match[2] or "") if match and isfinite(float(match[1])) else ((), "")
     values = value if isinstance(value, (list, tuple)) else [value]

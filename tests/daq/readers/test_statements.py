@@ -156,3 +156,15 @@ def test_a_rate_that_the_samples_have_not_is_named(name: str, value: Any, rate_h
 )  # fmt: skip
 def test_the_rate_that_the_samples_have_and_what_is_none_are_not(name: str, value: Any) -> None:
     assert recorded(Statements({name: value})).notes == ()
+
+
+@pytest.mark.parametrize("value", ["1,000", "1,000 V/g", "-12,500"])
+def test_a_factor_whose_comma_may_part_thousands_or_decimals_is_named_as_it_stands(value: str) -> None:
+    (note,) = recorded(Statements({"gain": value})).notes
+    assert f"the file states gain = {value!r}: it is not applied" in note
+
+
+def test_a_decimal_comma_that_can_be_nothing_else_is_one() -> None:
+    assert recorded(Statements({"gain": "1,00"}), Statements({"gain": "1,0000"})).notes == ()
+    (note,) = recorded(Statements({"gain": "0,001 g"})).notes
+    assert "gain = 0.001 g" in note

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -257,19 +257,17 @@ def _codes(signal: Any, limits: tuple[int, int] | None, *, is_j1939: bool) -> tu
     no range, names of the largest numbers alone, and of the smallest below 0, are those of codes. Beyond the range SAE
     J1939-71 has the largest numbers for what is not available, in error, or reserved, from FB in the highest byte on,
     and NMEA 2000 the three largest. A message of J1939 has them where the database states no range, too.
+    What an attribute names is one wherever it lies.
     """
-    attributed = [(raw, raw, f"{raw} {name!r}") for raw, name in _attributed(signal).items()]
+    attributed = [(raw, raw, f"{raw} {name!r}") for raw, name in _as_stored(signal, _attributed(signal)).items()]
     return (*attributed, *_of_names(signal, limits, is_j1939=is_j1939))
 
 
 def _of_names(signal: Any, limits: tuple[int, int] | None, *, is_j1939: bool) -> tuple[tuple[int, int, str], ...]:
-    """Return those of names and of a standard."""
+    """Return the codes that the database's names or a standard tell, see `_codes`."""
     length = int(signal.length)
-    least, most = (-(1 << length - 1), (1 << length - 1) - 1) if signal.is_signed else (0, (1 << length) - 1)
-    # of signed numbers some tools write the codes as they stand in the frame
-    stored = ((int(raw), str(name)) for raw, name in (signal.choices or {}).items())
-    named = {(raw - (1 << length) if most < raw < -2 * least else raw): name for raw, name in stored}
-    named = {raw: name for raw, name in named.items() if least <= raw <= most}
+    least, most = _ends(signal)
+    named = _as_stored(signal, {int(raw): str(name) for raw, name in (signal.choices or {}).items()})
     has_ranges = length % 8 == 0 and not signal.is_signed
     if limits is None and is_j1939 and has_ranges:
         limits = 0, (_RESERVED << length - 8) - 1
@@ -285,6 +283,20 @@ def _of_names(signal: Any, limits: tuple[int, int] | None, *, is_j1939: bool) ->
         if stop - first > 1:
             codes += _unnamed(first + 1, stop - 1, length, is_j1939=is_j1939 and has_ranges)
     return tuple(codes)
+
+
+def _ends(signal: Any) -> tuple[int, int]:
+    """Return the smallest and the largest number that a signal can store."""
+    length = int(signal.length)
+    return (-(1 << length - 1), (1 << length - 1) - 1) if signal.is_signed else (0, (1 << length) - 1)
+
+
+def _as_stored(signal: Any, named: Mapping[int, str]) -> dict[int, str]:
+    """Return the names of numbers that a signal can store; some tools write signed ones as they stand in the frame."""
+    least, most = _ends(signal)
+    beyond = 1 << int(signal.length)
+    signed = {(raw - beyond if most < raw < -2 * least else raw): name for raw, name in named.items()}
+    return {raw: name for raw, name in signed.items() if least <= raw <= most}
 
 
 def _attributed(signal: Any) -> dict[int, str]:

@@ -83,7 +83,8 @@ def rejection_reason(channel: Any, levels: tuple[Mapping[str, Any], ...], size: 
     for properties in levels:
         for name in _scales(properties):
             slope = properties.get(name.removesuffix("Scale_Type") + "Linear_Slope", 1.0)
-            if not (slope and isfinite(slope)):
+            # what is no number at all is named where the scaling is carried out
+            if isinstance(slope, (int, float, np.number)) and not (slope and isfinite(slope)):
                 return f"its scaling has the slope {slope:g}, which makes nothing of its samples"
     return _scaling_fault(channel) if any("NI_Number_Of_Scales" in p or _scales(p) for p in levels) else ""
 

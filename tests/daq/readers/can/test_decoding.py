@@ -179,8 +179,29 @@ def test_codes_and_what_is_outside_of_a_range_are_counted() -> None:
     assert layout.remarkable(data) == ({"65535 'SNA'": 2, "0xFB00 and above": 1}, 2)
 
 
-@pytest.mark.parametrize(("stated", "raw"), [("0x3E8", 1000), ("65535", 65535)])
-def test_an_attribute_names_a_code_wherever_the_range_has_it(stated: str, raw: int) -> None:
+@pytest.mark.parametrize(
+    ("sign", "stated", "raw"), [("+", "0x3E8", 1000), ("+", "65535", 65535), ("-", "0x8000", -32768), ("-", "-5", -5)]
+)
+def test_an_attribute_names_a_code_wherever_the_range_has_it(sign: str, stated: str, raw: int) -> None:
+    text = f"""VERSION ""
+BS_:
+BU_: ECU
+BO_ 256 m: 8 ECU
+ SG_ s : 0|16@1{sign} (0.5,-3) [-20000|32764] "" ECU
+BA_DEF_ SG_ "GenSigSNA" STRING ;
+BA_DEF_DEF_ "GenSigSNA" "";
+BA_ "GenSigSNA" SG_ 256 s "{stated}";
+"""
+    database = cantools.database.load_string(text, "dbc")
+    layout = layout_of(database.messages[0].signals[0])
+    assert layout is not None
+    data = np.array([10, raw & 0xFFFF, raw & 0xFFFF], dtype="<u8").view(np.uint8).reshape(-1, 8)
+    assert np.isnan(layout.decode(data)).tolist() == [False, True, True]
+    assert layout.remarkable(data) == ({f"{raw} 'GenSigSNA'": 2}, 0)
+
+
+@pytest.mark.parametrize("stated", ["", "none", "0x1FFFFFFFFFFFFFFFFF", "70000"])
+def test_an_attribute_that_is_no_number_of_the_signal_names_nothing(stated: str) -> None:
     text = f"""VERSION ""
 BS_:
 BU_: ECU
@@ -190,9 +211,6 @@ BA_DEF_ SG_ "GenSigSNA" STRING ;
 BA_DEF_DEF_ "GenSigSNA" "";
 BA_ "GenSigSNA" SG_ 256 s "{stated}";
 """
-    database = cantools.database.load_string(text, "dbc")
-    layout = layout_of(database.messages[0].signals[0])
+    layout = layout_of(cantools.database.load_string(text, "dbc").messages[0].signals[0])
     assert layout is not None
-    data = np.array([10, raw, raw], dtype="<u8").view(np.uint8).reshape(-1, 8)
-    assert np.isnan(layout.decode(data)).tolist() == [False, True, True]
-    assert layout.remarkable(data) == ({f"{raw} 'GenSigSNA'": 2}, 0)
+    assert not any("GenSigSNA" in called for _, _, called in layout.codes)

@@ -349,6 +349,16 @@ def test_a_scale_that_makes_nothing_of_the_samples_is_no_scale(slope: float, tmp
         opened(tmp_path, tdms_file([("g", "a", ramp(), WAVE | scale)]))
 
 
+def test_a_slope_that_is_a_text_spoils_its_own_channel_alone(tmp_path: Path) -> None:
+    scale = {
+        "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": "two",
+        "NI_Scale[0]_Linear_Y_Intercept": 0.0, "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF,
+    }  # fmt: skip
+    recording = opened(tmp_path, tdms_file([("g", "a", ramp(), WAVE | scale), ("g", "b", ramp(), WAVE)]))
+    assert [signal.name for signal in recording.signals] == ["g/b"]
+    assert any("g/a: damaged: its scaling cannot be carried out" in note for note in recording.notes)
+
+
 def test_a_scale_that_lacks_its_numbers_is_told_before_samples_are_read(tmp_path: Path) -> None:
     lacking = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": 2.0}
     with pytest.raises(ReadError, match="its scaling cannot be carried out"):
