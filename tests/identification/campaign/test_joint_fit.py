@@ -251,3 +251,11 @@ def test_divided_rows_are_handed_on_with_other_columns_alone() -> None:
     for other in (disagreeing, rows.without(1)):
         assert other is not None
         assert not np.array_equal(other.whitened(usual).triangle[1:], divided[1:])
+
+
+def test_the_first_mechanism_stays_the_first_whichever_shot_is_its_own() -> None:
+    shots = [replace(one, configuration="old" if k == 0 else "new") for k, one in enumerate(campaign_of(ADDED).shots)]
+    rows = JointRows.of(shots, {"new": "new", "old": "old"})
+    assert rows.mechanisms == ("new", "old")
+    assert list(rows.mechanism_of.items()) == [("new", "new"), ("old", "old")]
+    assert JointRows.of(shots, rows.mechanism_of).mechanism.tolist() == [1] + [0] * (len(shots) - 1)
