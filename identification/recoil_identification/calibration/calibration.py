@@ -12,9 +12,10 @@ generalized least squares with the calibrations as further observations.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 
@@ -217,18 +218,45 @@ class Calibration(ReadOnlyArrays):
         unknowns, most_steps = [*self.inferred.unknowns, *sizes], MOST_STEPS if u > 0 else 0
         return replace(changing, inferred=solve(unknowns, blocks, priors, self.values, most_steps=most_steps))
 
-    def with_cause(self, cause: Cause) -> Calibration:
+    def with_cause(self, cause: Cause, late: Mapping[str, Array] = MappingProxyType({})) -> Calibration:
         """Let the readings have one further error, of whose size nothing is known, and estimate anew.
+
+        Parameters
+        ----------
+        late
+            As of `with_causes`.
 
         Returns
         -------
         Calibration
             Calibration with the error; its `estimate` is still that without it.
         """
-        with_it = replace(self, block=replace(self.block, causes=(*self.block.causes, cause)))
-        blocks: list[Block] = [with_it.rows, *self.further]
+        with_it = self.with_causes([cause], late)
+        blocks: list[Block] = [with_it.rows, *with_it.further]
         unknowns = [*self.inferred.unknowns, cause.unknown]
         return replace(with_it, inferred=solve(unknowns, blocks, [*self.common, *self.own], self.values))
+
+    def with_causes(self, causes: Sequence[Cause], late: Mapping[str, Array] = MappingProxyType({})) -> Calibration:
+        """Give the rows columns for further errors of the readings; `inferred` is without them.
+
+        Parameters
+        ----------
+        late
+            What a size of one of a cause adds to the late readings of the breech gauge, by its source.
+        """
+        camera, block = self.camera, replace(self.block, causes=(*self.block.causes, *causes))
+        if isinstance(camera, CameraRows):
+            camera = camera.with_causes(causes, self.block.regression)
+        further = (one.with_columns(late) if GAS.name in one.unknowns else one for one in self.further)
+        return replace(self, block=block, camera=camera, further=tuple(further))
+
+    def scores_of(self, sources: Sequence[str]) -> Scores:
+        """Score unknowns that `inferred` has not, by what it leaves of all rows."""
+        values = self.values | dict.fromkeys(sources, 0.0)
+        names = [*(one.name for one in self.inferred.unknowns), *sources]
+        left, derivatives = zip(*(_of(block, values, names) for block in (self.rows, *self.further)), strict=True)
+        whole, known = np.vstack(derivatives), len(self.inferred.unknowns)
+        return Scores.of(np.concatenate(left), whole[:, :known], self.inferred.covariance, whole[:, known:])
 
     def with_shifts(self, shifts: Array, camera: CameraRows | None) -> Calibration:
         """Let the accelerometer's zero shift in given shapes, and estimate the mass anew.
@@ -344,6 +372,14 @@ class Calibration(ReadOnlyArrays):
             return np.asarray(self.m0_kg * np.exp(logs))
 
         return draw
+
+
+def _of(block: Block, values: Mapping[str, float], names: Sequence[str]) -> tuple[Array, Array]:
+    """Return what a block's rows leave at some values, and their derivatives by all unknowns."""
+    left, derivatives = block.linearised(values)
+    whole = np.zeros((left.size, len(names)))
+    whole[:, [names.index(name) for name in block.unknowns]] = derivatives
+    return left, whole
 
 
 def _is_unread(prior: Prior) -> bool:

@@ -214,7 +214,7 @@ class MassConstancy:
                 better = (
                     "a sensor that is off explains the shot better"
                     if not self.by_the_chain
-                    else "the breech chain, a muzzle brake or the tube explains the shot as well"
+                    else "something of the breech chain or its like explains the shot as well"
                 )
                 return f"No change of the mass can be told ({odds}): {better}."
             hidden = self.could_hide_percent

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -61,6 +61,13 @@ class LinearBlock(ReadOnlyArrays):
         """Return what the columns leave of the rows, and the columns, over the standard deviation."""
         modelled = self.columns @ np.array([values[name] for name in self.unknowns])
         return (self.recorded - modelled) / self.sigma, self.columns / self.sigma
+
+    def with_columns(self, columns: Mapping[str, Array]) -> LinearBlock:
+        """Let the rows hang on further unknowns, each with its column, shape (n_rows,)."""
+        if not columns:
+            return self
+        more = np.column_stack([self.columns, *columns.values()])
+        return replace(self, unknowns=(*self.unknowns, *columns), columns=more)
 
 
 @dataclass(frozen=True, eq=False)

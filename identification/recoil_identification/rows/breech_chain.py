@@ -16,25 +16,23 @@ tube             ``2 F'' / w^2`` beside the whole force F: the breech end of a r
                  first mode along its axis lies at w, far above the motion
 ===============  =====================================================================================
 
-Where a rig states none of them they are no unknowns, and `suspects` are what a shot may be asked for instead: the same
-shapes, with what nobody stated taken at several values, and a bracket under the accelerometer beside the tube.
+Where a rig states none of them they are no unknowns, and a shot may be asked for them instead
+(`recoil_identification.rows.suspects`).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from recoil_acquisition.numerics.arrays import Array
-from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.inference.unknown import Scope
 from recoil_identification.rows.causes import MOST_OF_RATE, SLOPE_HZ, Cause, filtered_columns
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_processing.shot.projectile import muzzle_force_n, projectile_travel_m, risen_behind
+from recoil_processing.shot.projectile import muzzle_force_n, projectile_travel_m
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import ChannelSpec, Rig
@@ -54,41 +52,8 @@ OF_CHAIN = (
 MUZZLE_BRAKE = ErrorSource(SourceKind.MUZZLE_BRAKE)
 TUBE = ErrorSource(SourceKind.TUBE)
 """Sources that are one of a rig each."""
-SUSPECTED_LINEARITY, SUSPECTED_SHARE, SUSPECTED_MUZZLE = 0.01, 0.02, 0.2
-"""Standard deviations of the sizes of what is suspected, if it is there."""
 U_TUBE = 1.0
 """Standard uncertainty of the tube's size, share of what a rod of even section has: it is thick at its breech."""
-PULSE_ENDS = 0.1
-"""Share of the peak to which the breech pressure has fallen when the projectile is taken to have left."""
-SUSPECTED_TRAVELS = (2.0, 5.0, 12.0)
-"""Travels of the projectile up to then, in lengths of the chamber, at which a gauge ahead is suspected."""
-SUSPECTED_EXITS = (0.8, 0.6, 0.45, 0.35, 0.25, 0.18, 0.12, 0.08)
-"""Shares of the peak to which the breech pressure has fallen when the projectile is suspected to leave."""
-SUSPECTED_HZ = 500.0
-"""Frequency of a tube or a bracket that is suspected: its shape is one for all."""
-
-
-@dataclass(frozen=True, eq=False)
-class Suspect(ReadOnlyArrays):
-    """A shape of the breech chain that the rig does not state, and how large it would be.
-
-    Attributes
-    ----------
-    source
-        Source that it would be.
-    u
-        Standard deviation of its size if there is one.
-    forces_n : ndarray, shape (n_variants, n)
-        Amount by which a size of one makes the breech force read too little, on the regression's grid and behind its
-        filter, for each value of what nobody stated.
-    positive
-        Whether its size cannot be negative.
-    """
-
-    source: ErrorSource
-    u: float
-    forces_n: Array
-    positive: bool = False
 
 
 def linearity_of(role: str) -> ErrorSource:
@@ -143,7 +108,7 @@ def chain_causes(regression: Regression, recorded: Regression, signals: Signals,
         Readings of the gauges, and what the rig states of them, of the projectile and of the tube.
     """
     columns: list[tuple[ErrorSource, ForceInput, float, Scope, Array]] = []
-    breech_n = _breech_force_n(recorded, signals, rig)
+    breech_n = breech_force_n(recorded, signals, rig)
     for force in rig.forces:
         reading = signals.series.get(force.name)
         if reading is None:
@@ -154,14 +119,14 @@ def chain_causes(regression: Regression, recorded: Regression, signals: Signals,
             of, part = force.name if len(force.channels) == 1 else spec.name, 1.0 / len(force.channels)
             u_rel, ahead = spec.sensor.u_linearity_rel, spec.sensor.gauge_ahead
             if u_rel:
-                bent = bent_reading_pa(reading_pa, _full_scale_pa(spec, reading_pa))
+                bent = bent_reading_pa(reading_pa, full_scale_pa(spec, reading_pa))
                 for source, error_pa in zip((linearity_of(of), hysteresis_of(of)), bent, strict=True):
-                    columns.append((source, force, u_rel, "sensor", part * _force_n(force, error_pa, recorded)))
+                    columns.append((source, force, u_rel, "sensor", part * force_read_n(force, error_pa, recorded)))
             if ahead is not None and ahead.u_share:
                 travel_m = projectile_travel_m(breech_n, recorded.step_s, ahead.projectile_mass_kg)
                 lacks_n = gradient_n(breech_n, travel_m, ahead.chamber_length_m)
                 columns.append((gauge_ahead_of(of), force, ahead.u_share, "sensor", part * lacks_n))
-    u_muzzle, breech = rig.mechanism.u.get("muzzle_brake", 0.0), _breech(rig)
+    u_muzzle, breech = rig.mechanism.u.get("muzzle_brake", 0.0), breech_of(rig)
     if u_muzzle and breech is not None:
         takes_n = -muzzle_force_n(breech_n, recorded.step_s, rig.mechanism)
         columns.append((MUZZLE_BRAKE, breech, u_muzzle, "rig", takes_n))
@@ -191,45 +156,6 @@ def curvature_n_s2(regression: Regression) -> Array:
     return np.asarray(np.gradient(np.gradient(force_n, regression.step_s), regression.step_s))
 
 
-def suspects(regression: Regression, recorded: Regression, signals: Signals, rig: Rig) -> tuple[Suspect, ...]:
-    """List the shapes of the breech chain that the rig does not state; parameters as of `chain_causes`."""
-    reading, breech = signals.series.get(BREECH), _breech(rig)
-    breech_n = np.maximum(_breech_force_n(recorded, signals, rig), 0.0)
-    if reading is None or breech is None or not breech_n.any():
-        return ()
-    found: list[tuple[ErrorSource, float, list[Array]]] = []
-    step_s, peak = recorded.step_s, int(np.argmax(breech_n))
-    sensors = [spec.sensor for spec in breech.channels]
-    if all(sensor.u_linearity_rel is None for sensor in sensors):
-        reading_pa = bridge(reading, otherwise=0.0)
-        bent, lags = bent_reading_pa(
-            reading_pa, float(np.mean([_full_scale_pa(spec, reading_pa) for spec in breech.channels]))
-        )
-        variants = [_force_n(breech, error_pa, recorded) for error_pa in (bent, lags, bent + lags)]
-        found.append((linearity_of(BREECH), SUSPECTED_LINEARITY, variants))
-    if all(sensor.gauge_ahead is None for sensor in sensors):
-        free_m = projectile_travel_m(breech_n, step_s, 1.0)
-        ends = free_m[_falls_to(breech_n, peak, PULSE_ENDS)]
-        variants = [gradient_n(breech_n, free_m, ends / travels) for travels in SUSPECTED_TRAVELS]
-        found.append((gauge_ahead_of(BREECH), SUSPECTED_SHARE, variants))
-    if {"muzzle_brake", "u_muzzle_brake"} <= rig.mechanism.unstated:
-        exits = [float(recorded.times_s[_falls_to(breech_n, peak, share)]) for share in SUSPECTED_EXITS]
-        variants = [-breech_n * risen_behind(recorded.times_s, exit_s) for exit_s in exits]
-        found.append((MUZZLE_BRAKE, SUSPECTED_MUZZLE, variants))
-    behind = [(source, u, filtered_columns(regression, np.column_stack(listed)).T) for source, u, listed in found]
-    if not rig.mechanism.tube_axial_hz:
-        shape = 2.0 * curvature_n_s2(regression) / (2.0 * math.pi * SUSPECTED_HZ) ** 2
-        behind.append((TUBE, U_TUBE, shape[np.newaxis]))
-    one_way = (SourceKind.GAUGE_AHEAD, SourceKind.MUZZLE_BRAKE)
-    return tuple(Suspect(source, u, columns, source.kind in one_way) for source, u, columns in behind)
-
-
-def _falls_to(pressure: Array, peak: int, share: float) -> int:
-    """Return the first sample behind the peak at which a pressure has fallen to a share of it; the last if never."""
-    below = np.flatnonzero(pressure[peak:] < share * pressure[peak])
-    return peak + int(below[0]) if below.size else pressure.size - 1
-
-
 def in_column(regression: Regression, gauge: str, error_n: Array) -> Array:
     """Put an error of one gauge's force in its column, shape (n, n_gauges)."""
     found = np.zeros((error_n.size, len(regression.gauges)))
@@ -237,24 +163,24 @@ def in_column(regression: Regression, gauge: str, error_n: Array) -> Array:
     return found
 
 
-def _breech(rig: Rig) -> ForceInput | None:
+def breech_of(rig: Rig) -> ForceInput | None:
     """Return the force of the breech pressure; None where nothing reads one."""
     return next((force for force in rig.forces if force.role == BREECH), None)
 
 
-def _breech_force_n(recorded: Regression, signals: Signals, rig: Rig) -> Array:
+def breech_force_n(recorded: Regression, signals: Signals, rig: Rig) -> Array:
     """Return the breech force where the part is free, nothing of it taken off at the muzzle; none without a gauge."""
-    reading, breech = signals.series.get(BREECH), _breech(rig)
+    reading, breech = signals.series.get(BREECH), breech_of(rig)
     if reading is None or breech is None:
         return np.zeros(recorded.times_s.size)
     return np.asarray(breech.per_reading * bridge(reading, otherwise=0.0) * recorded.released)
 
 
-def _force_n(force: ForceInput, error_pa: Array, recorded: Regression) -> Array:
+def force_read_n(force: ForceInput, error_pa: Array, recorded: Regression) -> Array:
     """Return by how much too little a pressure's force is where the part is free, for what its gauge reads too much."""
     return np.asarray(-force.sign * force.per_reading * error_pa * recorded.released)
 
 
-def _full_scale_pa(spec: ChannelSpec, reading_pa: Array) -> float:
+def full_scale_pa(spec: ChannelSpec, reading_pa: Array) -> float:
     """Return the full scale of a gauge: of its range, or what it reads where none is declared."""
     return max(map(abs, range_si(spec) or (0.0, float(np.max(np.abs(reading_pa), initial=0.0)))))

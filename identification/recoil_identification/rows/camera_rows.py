@@ -125,6 +125,19 @@ class CameraRows(ReadOnlyArrays):
         sizes = (*(motion.shift(i).name for i in range(len(chosen))), *(self.sizes[at] for at in causes))
         return replace(self, zeros_m=self.zeros_m[:, [*chosen, *causes]], sizes=sizes)
 
+    def with_causes(self, causes: Sequence[Cause], regression: Regression) -> CameraRows:
+        """Take further errors of what the accelerometer read, on the regression's grid; of forces the frames know none.
+
+        They are taken at the instants of the means: no suspected shape changes within one.
+        """
+        felt = [one for one in causes if np.any(one.acceleration_m_s2)]
+        if not felt:
+            return self
+        start_s, step_s = float(regression.times_s[0]), regression.step_s
+        wrong = [DoubleIntegral.of(one.acceleration_m_s2, start_s, step_s).at(self.times_s)[0] for one in felt]
+        sizes = (*self.sizes, *(one.source for one in felt))
+        return replace(self, zeros_m=np.column_stack([self.zeros_m, *wrong]), sizes=sizes)
+
     @property
     def _shifts(self) -> set[str]:
         return {motion.shift(i).name for i in range(len(self.sizes))}

@@ -17,6 +17,8 @@ from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows.causes import Cause, moving_zero
+from recoil_processing.double_integral import integrate
+from recoil_processing.gaps import bridge
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.gauge_zero import MOVES_S, U_GAS_PA, empty_bore_s, zero_moves
 from recoil_processing.shot.signals import Signals
@@ -35,10 +37,17 @@ LEAST_PIVOT = 1e-6
 
 @dataclass(frozen=True)
 class LateReadings:
-    """Rows of the gauge's zero, and what is known of the gas beside it."""
+    """Rows of the gauge's zero, and what is known of the gas beside it.
+
+    Attributes
+    ----------
+    drooped_pa_s : ndarray, shape (n_rows,)
+        Integral of the reading up to each row: what an amplifier has lost by then, times its time constant.
+    """
 
     rows: LinearBlock
     prior: Prior
+    drooped_pa_s: Array
 
 
 def late_readings(signals: Signals, interval_s: tuple[float, float], causes: Sequence[Cause]) -> LateReadings | None:
@@ -60,7 +69,10 @@ def late_readings(signals: Signals, interval_s: tuple[float, float], causes: Seq
     empty_s = empty_bore_s(times, reading, interval_s)
     count = int((interval_s[1] - empty_s) / MEAN_S) if math.isfinite(empty_s) else 0
     zero = [ZERO] if ZERO in sources else []
-    shapes = np.column_stack([zero_moves(times, onset_s), *(np.ones_like(times) for _ in zero), np.ones_like(times)])
+    drooped = integrate(bridge(reading, otherwise=0.0), signals.step_s)
+    shapes = np.column_stack(
+        [zero_moves(times, onset_s), *(np.ones_like(times) for _ in zero), np.ones_like(times), drooped]
+    )
     columns, recorded, least = [], [], times.size
     for number in range(count):
         at = (times >= empty_s + number * MEAN_S) & (times < empty_s + (number + 1) * MEAN_S) & np.isfinite(reading)
@@ -70,11 +82,11 @@ def late_readings(signals: Signals, interval_s: tuple[float, float], causes: Seq
             least = min(least, int(np.count_nonzero(at)))
     if not columns:
         return None
+    means, last = np.array(columns)[:, :-1], np.array(columns)[:, -1]
     # the rest may be quieter than the motion
-    sigma = max(offset.noise / math.sqrt(least), _left(np.array(columns), np.array(recorded)))
-    unknowns = (*moving, *zero, GAS.name)
-    rows = LinearBlock(unknowns, np.array(columns), np.array(recorded), sigma)
-    return LateReadings(rows, Prior.of(GAS_LEFT, GAS.name, U_GAS_PA))
+    sigma = max(offset.noise / math.sqrt(least), _left(means, np.array(recorded)))
+    rows = LinearBlock((*moving, *zero, GAS.name), means, np.array(recorded), sigma)
+    return LateReadings(rows, Prior.of(GAS_LEFT, GAS.name, U_GAS_PA), last)
 
 
 def _left(columns: Array, recorded: Array) -> float:

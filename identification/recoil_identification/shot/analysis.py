@@ -14,11 +14,11 @@ from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot.causes import as_notes, by_cause
 from recoil_acquisition.shot.shot import Shot
 from recoil_identification.calibration.calibration import Calibration
-from recoil_identification.calibration.chain_suspicion import chain_suspicion
 from recoil_identification.calibration.gauge_agreement import gauge_set_aside
 from recoil_identification.calibration.mass_over_time import mass_constancy, mass_over_time
 from recoil_identification.calibration.methods import FURTHER, Method, calibrated
 from recoil_identification.calibration.skew import find_skew
+from recoil_identification.calibration.suspicion import suspicion
 from recoil_identification.calibration.trace import trace_window
 from recoil_identification.calibration.uncertainty import contributions, note_on_cutoff
 from recoil_identification.calibration.zero_shift import ZeroShift
@@ -27,8 +27,8 @@ from recoil_identification.estimate.monte_carlo import propagate
 from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
 from recoil_identification.estimators.errors_in_variables import neighbouring_force
 from recoil_identification.estimators.total_least_squares import total_least_squares_mass
-from recoil_identification.rows.breech_chain import suspects
 from recoil_identification.rows.causes import SKEW
+from recoil_identification.rows.suspects import suspects
 from recoil_identification.shot.baseline import baselines_of
 from recoil_identification.shot.camera_route import mass_by_camera, regression_by_camera
 from recoil_identification.shot.camera_shot import route_by_camera
@@ -207,8 +207,9 @@ def _route_by_accelerometer(fired: FiredShot, options: Options, method: Method) 
 def _identified(route: Route, fired: FiredShot, options: Options) -> Identification:
     """Judge a mass, follow it over time, and put all that was found together."""
     calibration, method = route.calibration, route.method
-    suspected = suspects(calibration.block.regression, route.recorded, route.signals, fired.rig)
-    constancy, chain = mass_constancy(calibration), chain_suspicion(calibration, suspected)
+    block = calibration.block
+    suspected = suspects(block.regression, route.recorded, route.signals, fired.rig, block.causes)
+    constancy, chain = mass_constancy(calibration), suspicion(calibration, suspected)
     if constancy is not None and chain is not None and chain.suspected:
         constancy = replace(constancy, gain_of_chain=chain.gain)
     # sensors that were to explain a mass that changes would hide it
@@ -217,9 +218,14 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
     window_s, window_choice = trace_window(
         memory_s, route.filtered, *corrections.correct(route.filtered), default_s=MEMORY_S
     )
+    estimates, draws = dict(route.estimates), calibration.draws()
+    if chain is not None:
+        # the mass is the mean over what nobody stated; the doubts of it are weighed without
+        estimates[calibration.estimate.method] = chain.averaged(calibration.estimate)
+        draws = chain.draws(draws)
     results = {
         name: method_result(estimate, route.regressions[name], corrections, window_s, fired.rig)
-        for name, estimate in route.estimates.items()
+        for name, estimate in estimates.items()
     }
     trace = results[method].trace
     alignments = {one.clock: one for one in fired.shot.alignments}
@@ -235,7 +241,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         results=results,
         sensors=sensors_of(fired.rig),
         summary=shot_summary(calibration, fired.rig, against_this_shot(against, fired.rig)),
-        monte_carlo=propagate(calibration.draws()),
+        monte_carlo=propagate(draws),
         endogeneity=biased,
         constancy=constancy,
         chain=chain,

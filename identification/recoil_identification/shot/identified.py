@@ -13,10 +13,10 @@ from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note, Reason
 from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_identification.calibration.calibration import Calibration
-from recoil_identification.calibration.chain_suspicion import ChainSuspicion
 from recoil_identification.calibration.mass_over_time import MassConstancy, MassOverTime
 from recoil_identification.calibration.methods import AS_RECORDED, CAMERA_METHODS, FURTHER, METHODS, Method
 from recoil_identification.calibration.skew import RecorderSkew
+from recoil_identification.calibration.suspicion import ShotSuspicion
 from recoil_identification.calibration.trace import MassTrace
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.mass import MassEstimate
@@ -195,7 +195,7 @@ class Identification(ReadOnlyArrays):
     summary: ShotSummary
     monte_carlo: MonteCarlo | None
     constancy: MassConstancy | None
-    chain: ChainSuspicion | None
+    chain: ShotSuspicion | None
     walk: MassOverTime
     window_choice: WindowChoice | None
     stress_waves: tuple[StressWaves, ...]

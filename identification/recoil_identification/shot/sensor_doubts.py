@@ -10,10 +10,11 @@ from typing import Literal
 from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.calibration.calibration import Calibration
-from recoil_identification.calibration.chain_suspicion import ChainSuspicion
 from recoil_identification.calibration.gauge_agreement import ALIKE
 from recoil_identification.calibration.mass_over_time import MassConstancy
+from recoil_identification.calibration.suspicion import ShotSuspicion
 from recoil_identification.estimate.mass import ACCELERATION, GAUGES, MassEstimate
+from recoil_identification.rows.breech_chain import OF_CHAIN
 from recoil_identification.rows.known_forces import is_declared
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
 from recoil_identification.rows.unread_resistance import SHARE, SLIDE
@@ -36,7 +37,7 @@ NEAR = 3.0
 
 
 def weighed_doubts(
-    calibration: Calibration, constancy: MassConstancy | None, chain: ChainSuspicion | None = None
+    calibration: Calibration, constancy: MassConstancy | None, chain: ShotSuspicion | None = None
 ) -> list[tuple[Reason, str]]:
     """List the doubts of sensors, breech chain and a constant mass, each with why it is none of the mass, or ``""``.
 
@@ -87,11 +88,12 @@ def weighed_doubts(
     ]
 
 
-def _rank(calibration: Calibration, chain: ChainSuspicion) -> Literal["first", "beside"] | None:
+def _rank(calibration: Calibration, chain: ShotSuspicion) -> Literal["first", "beside"] | None:
     """Return whether the breech chain is named before the sensors that contradict the others, or after them; or not.
 
-    It stands before one that explains less, and before one that would have to be off by far more of its standard
-    uncertainties: but a delay, of which a clock may have any.
+    It stands before one that explains less, and, if it is of the breech chain, before one that would have to be off by
+    far more of its standard uncertainties: but a delay, of which a clock may have any. A slow error of a reading, and a
+    part that hangs, take a little of the form of whatever is off by much.
     """
     if not chain.suspected:
         return None
@@ -102,10 +104,10 @@ def _rank(calibration: Calibration, chain: ChainSuspicion) -> Literal["first", "
         return None
     source = next(one for one in calibration.judged_residuals if one == likeliest.source)
     off = calibration.normalised_residuals[source] ** 2 / abs(calibration.pulls[source])
-    return "first" if not source.is_of_time and off > FAR * chain.off else "beside"
+    return "first" if chain.source.kind in OF_CHAIN and not source.is_of_time and off > FAR * chain.off else "beside"
 
 
-def _doubted_chain(estimate: MassEstimate, chain: ChainSuspicion, refused: bool) -> tuple[Reason, str]:
+def _doubted_chain(estimate: MassEstimate, chain: ShotSuspicion, refused: bool) -> tuple[Reason, str]:
     """State the doubt of the breech chain, and why it is none of the mass; ``""`` where it is one.
 
     Where the mass would be `refused` by what the breech chain explains better, it is.
@@ -116,7 +118,7 @@ def _doubted_chain(estimate: MassEstimate, chain: ChainSuspicion, refused: bool)
 
 
 def notes_on_doubts(
-    calibration: Calibration, constancy: MassConstancy | None, chain: ChainSuspicion | None = None
+    calibration: Calibration, constancy: MassConstancy | None, chain: ShotSuspicion | None = None
 ) -> list[Note]:
     """Say which doubts do not speak against the mass, and why not."""
     judged = weighed_doubts(calibration, constancy, chain)

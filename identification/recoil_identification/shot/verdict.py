@@ -11,8 +11,8 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.calibration.calibration import Calibration
-from recoil_identification.calibration.chain_suspicion import ChainSuspicion
 from recoil_identification.calibration.mass_over_time import MassConstancy
+from recoil_identification.calibration.suspicion import ShotSuspicion
 from recoil_identification.calibration.trace import MassTrace
 from recoil_identification.estimate.mass import ACCELERATION, RANDOM
 from recoil_identification.estimate.rounding import rounded, significant
@@ -70,7 +70,7 @@ def reasons_against(
     trace: MassTrace,
     constancy: MassConstancy | None,
     endogeneity: Endogeneity | None = None,
-    chain: ChainSuspicion | None = None,
+    chain: ShotSuspicion | None = None,
 ) -> tuple[Reason, ...]:
     """Say what speaks against the result.
 

@@ -138,6 +138,12 @@ class SourceKind(StrEnum):
     """Share of the breech's force that a muzzle brake takes off behind the projectile."""
     TUBE = "tube", "tube along its axis", SourceGroup.SENSORS
     """Swing of the tube along its axis."""
+    HANGING_PART = "hanging part", "part that hangs elastically", SourceGroup.UNREAD_FORCES
+    """Part of the recoiling mass that hangs on it elastically."""
+    TIME_CONSTANT = "time constant", "{of} time constant", SourceGroup.SENSORS
+    """Time constant of an amplifier that nobody declared."""
+    UNSTATED = "unstated", "what nobody stated of the breech chain and its like", SourceGroup.SENSORS
+    """Shapes that no rig states, each as likely as the shot makes it."""
     ADDED_MASS = "added mass", "added mass of {detail}", SourceGroup.GEOMETRY
     """Mass that was weighed and added to the recoiling part of some shots."""
 

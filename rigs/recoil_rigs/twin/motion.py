@@ -23,7 +23,7 @@ from recoil_rigs.twin.loads import Rest, State, check_statics, pressures_of, res
 from recoil_rigs.twin.nominal_recoil import NominalRecoil, nominal_recoil
 from recoil_rigs.twin.settings import TwinSettings
 from recoil_rigs.twin.tube_equations import tube_equations
-from recoil_rigs.twin.unread_forces import Projectile, Unread, gas_left_kg, unread_force
+from recoil_rigs.twin.unread_forces import HangingPart, Projectile, Unread, gas_left_kg, unread_force
 
 _LARGEST_STEP_S = 25e-6
 MOVES_FROM_M_S = 0.02
@@ -251,7 +251,7 @@ def simulate_motion(
     if not friction_n >= 0:
         raise ValueError(f"friction_n must not be negative, found {friction_n!r}")
     released, hidden = settings.released_mass_kg, settings.unread
-    if not released + hidden.leaving_gas_kg < mechanism.m3:
+    if not released + hidden.leaving_gas_kg + hidden.hanging_kg < mechanism.m3:
         raise ValueError(f"released_mass_kg must be less than m3 = {mechanism.m3!r}, found {released!r}")
     substeps = math.ceil(1.0 / (settings.sample_rate_hz * _LARGEST_STEP_S) - 1e-9)
     rate_hz = settings.sample_rate_hz * substeps
@@ -283,6 +283,9 @@ def simulate_motion(
     hangs, sag_n_m = (np.zeros(0), 0.0) if tube is None else sag(mechanism, tube)
     rest = rest_in_battery(mechanism, settings, sag_n_m)
     unread = _unread(mechanism, settings, friction_n)
+    hung = HangingPart(hidden) if hidden.hanging_kg else None
+    if hung is not None:
+        unread = hung.beside(unread)
     t_exit = math.nan if projectile is None else settings.pre_trigger_s + projectile.exit_s
 
     def equations(lost_kg: float) -> Equations:
@@ -316,6 +319,8 @@ def simulate_motion(
             states.extend(y)
             changes.extend(k1)
             loads.extend(load)
+        if hung is not None:
+            hung.move(k1[4], step)
         if forces[2 * i + 1] == 0.0:
             continue  # rest is an equilibrium: nothing moves before the shot
         if i == last_whole and share:

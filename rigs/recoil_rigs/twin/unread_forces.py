@@ -11,6 +11,8 @@ slides and seals               ``slide_n_s_m v``
 control rod, taper             ``rod_share K x / stroke``
 floating piston                ``floating_piston_pa A_R dir``
 oil that is carried along      ``carried_oil_kg x''``
+part that hangs elastically    ``hanging_kg z''`` with ``z'' = -x'' - 2 h w z' - w^2 z``, ``w = 2 pi hanging_hz``
+                               and h its damping
 engraving and drag in the bore ``bore_drag P [1 + 2 exp(-(x_p / 20 mm)^2)]`` until the exit
 muzzle brake                   ``muzzle_brake P (1 - exp(-(t - t_e) / 0.3 ms))`` after the exit
 breakaway                      ``breakaway Q exp(-(v / 0.3 m/s)^2) (1 - exp(-x / 0.3 mm)) dir``
@@ -82,6 +84,12 @@ class UnreadForces(BaseModel):
     """Pressure that a floating piston between oil and gas takes, where the gauge sits on the gas."""
     carried_oil_kg: NotNegative = 0.0
     """Mass of the oil that is accelerated with the recoiling part, as it acts on the travel."""
+    hanging_kg: NotNegative = 0.0
+    """Part of the recoiling mass that hangs on it elastically: oil, hoses, a sight."""
+    hanging_hz: Positive = 20.0
+    """Frequency at which that part swings along the bore."""
+    hanging_damping: Annotated[float, Field(ge=0, lt=1)] = 0.2
+    """Damping of that swing, share of the critical one."""
     bore_drag: Share = 0.0
     """Share of the breech force that engraving and drag take off until the exit, beside its friction."""
     muzzle_brake: Annotated[float, Field(ge=-1, le=1)] = 0.0
@@ -137,6 +145,36 @@ class UnreadForces(BaseModel):
     def has_curves(self) -> bool:
         """Whether any force is a random curve over the travel."""
         return bool(self.friction_by_place or self.rough_share or self.latent_share)
+
+
+class HangingPart:
+    """A part that hangs elastically on the recoiling one, moved step by step beside it.
+
+    It is a part of the recoiling mass: what it resists is how its acceleration differs from that of the rest.
+
+    Attributes
+    ----------
+    force_n
+        Force that it adds to the resistance, at the instant to which it was moved.
+    """
+
+    def __init__(self, unread: UnreadForces) -> None:
+        self.force_n = 0.0
+        self._mass_kg, self._w = unread.hanging_kg, 2.0 * math.pi * unread.hanging_hz
+        self._damping, self._z, self._dz = unread.hanging_damping, 0.0, 0.0
+
+    def beside(self, unread: Unread | None) -> Unread:
+        """Return a force that no gauge reads with that of this part."""
+        if unread is None:
+            return lambda x, v, p_brake, p_gas, t: self.force_n
+        return lambda x, v, p_brake, p_gas, t: unread(x, v, p_brake, p_gas, t) + self.force_n
+
+    def move(self, acceleration_m_s2: float, step_s: float) -> None:
+        """Move it by a step, short against its period, in which the rest has an acceleration."""
+        ddz = -acceleration_m_s2 - 2.0 * self._damping * self._w * self._dz - self._w**2 * self._z
+        self._dz += step_s * ddz
+        self._z += step_s * self._dz
+        self.force_n = self._mass_kg * ddz
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,12 +21,10 @@ from recoil_identification.rows.breech_chain import (
     gauge_ahead_of,
     hysteresis_of,
     linearity_of,
-    suspects,
 )
 from recoil_identification.rows.causes import Cause
 from recoil_identification.rows.row_noise import RowNoise
 from recoil_processing.filters import LowPass
-from recoil_processing.shot.error_source import SourceKind
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_rigs.rig import Rig
@@ -37,7 +35,6 @@ from tests.builders.bench_shots import (
     bench_motion,
     bench_regression,
     bench_rig,
-    bench_shot,
     bench_signals,
 )
 
@@ -199,39 +196,3 @@ def test_its_row_of_the_budget_is_what_moving_it_and_estimating_anew_gives(sourc
     assert row.u_kg == pytest.approx(abs(up - down) / 2, abs=0.02 * found.estimate.u_kg)
     assert row.sensitivity * u == pytest.approx((up - down) / 2, abs=0.02 * found.estimate.u_kg)
     assert row.scope == causes(ALL)[source].scope
-
-
-# ------------------------------------------------------------------------------------------ suspects
-
-
-def suspected(rig: Rig) -> list[SourceKind]:
-    recorded = bench_regression(rig=rig)
-    found = suspects(recorded.filtered(LOW_PASS), recorded, bench_signals(rig=rig), rig)
-    return [one.source.kind for one in found]
-
-
-def test_what_a_rig_does_not_state_is_suspected_and_what_it_states_is_not() -> None:
-    kinds = [SourceKind.LINEARITY, SourceKind.GAUGE_AHEAD, SourceKind.MUZZLE_BRAKE, SourceKind.TUBE]
-    plain = bench_rig()
-    assert suspected(plain) == kinds
-    assert SourceKind.LINEARITY not in suspected(stated("u_linearity_rel = 0"))
-    assert SourceKind.GAUGE_AHEAD not in suspected(stated(AT_MOUTH))
-    assert SourceKind.TUBE not in suspected(stated(tube_hz=900.0))
-    said = replace(plain, mechanism=replace(plain.mechanism, unstated=frozenset()))
-    assert SourceKind.MUZZLE_BRAKE not in suspected(said)
-
-
-def test_among_the_suspected_variants_is_one_near_to_the_true_shape() -> None:
-    recorded = bench_regression()
-    found = suspects(recorded.filtered(LOW_PASS), recorded, bench_signals(), stated("range = [0.0, 250e6]"))
-    for suspect, source in zip(found, (LINEARITY, AHEAD, MUZZLE_BRAKE), strict=False):
-        true = LOW_PASS.apply(errors_n(recorded)[source], recorded.rate_hz)
-        alike = suspect.forces_n @ true / (np.linalg.norm(suspect.forces_n, axis=1) * np.linalg.norm(true))
-        assert alike.max() > 0.95, source
-
-
-def test_a_shot_without_a_breech_gauge_is_asked_for_nothing() -> None:
-    recorded, signals = bench_regression(), bench_signals()
-    other = replace(signals, series={role: one for role, one in signals.series.items() if role != BREECH})
-    assert suspects(recorded.filtered(LOW_PASS), recorded, other, bench_rig()) == ()
-    assert bench_shot().by_role(BREECH) is not None

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson, solve_ivp
+from scipy.signal import lsim
 
 from recoil_acquisition.errors import RigError
 from recoil_rigs.mechanism import model
@@ -132,6 +133,18 @@ def test_the_work_of_all_forces_together_is_the_change_of_energy_with_that_of_th
     np.testing.assert_allclose(energy - energy[0], work, atol=5e-5 * np.ptp(energy))  # the force jumps at the exit
     lost = cumulative_simpson(motion.unread_n * motion.qd[:, 4], dx=motion.times_s[1], initial=0.0)
     assert lost[-1] > 500.0
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize(("hz", "damping"), [(12.0, 0.1), (35.0, 0.4)])
+def test_a_part_that_hangs_resists_by_how_it_moves_otherwise_than_the_rest(hz: float, damping: float) -> None:
+    motion, w = moved(hanging_kg=10.0, hanging_hz=hz, hanging_damping=damping), 2.0 * math.pi * hz
+    a = motion.qdd[:, 4]
+    _, z_m_s2, _ = lsim(([-1.0, 0.0, 0.0], [1.0, 2 * damping * w, w**2]), a, motion.times_s)
+    np.testing.assert_allclose(motion.unread_n, 10.0 * z_m_s2, atol=0.02 * 10.0 * np.abs(a).max())
+    # and the whole of it goes along with a motion that is slow against its swing
+    late = moved(hanging_kg=10.0, hanging_hz=2000.0, hanging_damping=0.5)
+    assert np.abs(late.unread_n).max() < 0.1 * np.abs(motion.unread_n).max()
 
 
 @pytest.mark.exhaustive

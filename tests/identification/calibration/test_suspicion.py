@@ -1,4 +1,4 @@
-"""The breech chain where nobody states it: named by its shape where a shot shows it, and by nothing else."""
+"""What nobody states: named by its shape where a shot shows it, and by nothing else, and averaged over below that."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.remark import ReasonCode
-from recoil_identification.calibration.chain_suspicion import ChainSuspicion, chain_suspicion
-from recoil_identification.rows.breech_chain import BREECH, TUBE, gauge_ahead_of, linearity_of, suspects
+from recoil_identification.calibration.suspicion import UNSTATED, ShotSuspicion, suspicion
+from recoil_identification.rows.breech_chain import BREECH, TUBE, gauge_ahead_of, linearity_of
+from recoil_identification.rows.suspects import HANGING, droop_of, suspects
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.sensor_doubts import LITTLE, weighed_doubts
@@ -88,7 +89,9 @@ def test_a_gauge_that_reads_otherwise_is_named_with_its_size_and_what_to_state(r
     assert chain.size == pytest.approx(next(iter(readings.values())), abs=3.0 * chain.u_size)
     reasons = [one for one in found.reasons if one.code is ReasonCode.BREECH_CHAIN]
     assert [one.about for one in reasons] == [source]
-    assert reasons[0].startswith("The breech chain, a muzzle brake or the tube; or the mass (ln of the Bayes factor")
+    assert reasons[0].startswith(
+        "The breech chain, a muzzle brake, the tube or their like; or the mass (ln of the Bayes factor"
+    )
     assert key in reasons[0]
     assert found.constancy is not None
     assert found.constancy.constant
@@ -131,19 +134,65 @@ def test_a_rig_that_states_it_is_asked_for_it_no_more_and_finds_it() -> None:
     source = gauge_ahead_of(BREECH)
     assert inferred.value(source) == pytest.approx(0.03, abs=3.0 * inferred.u(source))
     assert inferred.u(source) < 0.01
-    kinds = [one.source for one in suspects(found.route.fitted, found.route.recorded, found.route.signals, rig)]
+    kinds = [one.source for one in suspects(found.route.fitted, found.route.recorded, found.route.signals, rig, ())]
     assert source not in kinds
+
+
+@pytest.mark.whole_way
+def test_an_amplifier_of_the_breech_gauge_that_droops_is_named_with_its_time_constant() -> None:
+    found = with_reading(breech_amplifier_s=0.4)
+    assert found.chain is not None
+    assert found.chain.source == droop_of(BREECH)
+    assert 1.0 / found.chain.size == pytest.approx(0.4, rel=0.1)
+    assert "an amplifier of breech_pressure with a time constant of 0.4" in str(found.chain)
+    assert "state `time_constant_s` in the sensor of breech_pressure" in str(found.chain)
+
+
+@pytest.mark.whole_way
+def test_a_part_that_hangs_elastically_is_named_and_the_mass_holds_it() -> None:
+    virtual = virtual_shot(kind=False, unread_errors=False, unread="{ hanging_kg = 12.0, hanging_hz = 25.0 }")
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
+    assert found.chain is not None
+    assert found.chain.source == HANGING
+    assert "a part that hangs elastically" in str(found.chain)
+    assert "tie down what swings on the recoiling part" in str(found.chain)
+    low, high = found.chosen.estimate.interval_kg
+    assert low < virtual.truth["m3"] < high
+
+
+# ------------------------------------------------------------------------------------------ the mean over all of them
+
+
+def test_the_mass_is_the_mean_over_all_shapes_and_its_budget_has_a_row_for_them() -> None:
+    found = identified()
+    plain, estimate, chain = found.route.calibration.estimate, found.chosen.estimate, found.chain
+    assert chain is not None
+    (row,) = (one for one in estimate.budget if one.source == UNSTATED)
+    moved, variance = chain.hypotheses.moved(chain.by)
+    assert estimate.mass_kg == pytest.approx(plain.mass_kg * (1.0 + moved), rel=1e-12)
+    assert row.u_kg == pytest.approx(estimate.mass_kg * math.sqrt(variance), rel=1e-12)
+    assert estimate.budget[:-1] == plain.budget
+    assert 0.0 < row.u_kg < 0.5 * plain.u_kg
+
+
+def test_draws_of_the_mass_have_its_mean_and_its_uncertainty() -> None:
+    found = identified()
+    drawn = found.monte_carlo
+    assert drawn is not None
+    estimate = found.chosen.estimate
+    assert drawn.mean == pytest.approx(estimate.mass_kg, abs=0.05 * estimate.u_kg)
+    assert drawn.u == pytest.approx(estimate.u_kg, rel=0.03)
 
 
 # ------------------------------------------------------------------------------------------ what is named first
 
 
-def suspicion(found: Identification, **changed: Any) -> ChainSuspicion:
+def suspected(found: Identification, **changed: Any) -> ShotSuspicion:
     assert found.chain is not None
     return replace(found.chain, **({"ln_bayes_factor": 10.0, "normalised": 6.0} | changed))
 
 
-def codes(found: Identification, chain: ChainSuspicion) -> list[tuple[str, bool]]:
+def codes(found: Identification, chain: ShotSuspicion) -> list[tuple[str, bool]]:
     judged = weighed_doubts(found.route.calibration, found.constancy, chain)
     return [(reason.code, not held) for reason, held in judged]
 
@@ -152,9 +201,9 @@ def test_what_moves_the_mass_by_less_than_its_interval_holds_is_a_note() -> None
     found = identified()
     u_rel = found.route.calibration.estimate.u_kg / found.route.calibration.estimate.mass_kg
     for share, against in ((0.9, False), (1.1, True)):
-        chain = suspicion(found, spread_rel=share * LITTLE * u_rel)
+        chain = suspected(found, spread_rel=share * LITTLE * u_rel)
         assert codes(found, chain) == [(ReasonCode.BREECH_CHAIN, against)]
-    assert codes(found, suspicion(found, spread_rel=1.0, ln_bayes_factor=2.9)) == []
+    assert codes(found, suspected(found, spread_rel=1.0, ln_bayes_factor=2.9)) == []
 
 
 def test_a_mass_that_changes_is_not_said_where_the_chain_explains_the_shot_as_well() -> None:
@@ -163,9 +212,9 @@ def test_a_mass_that_changes_is_not_said_where_the_chain_explains_the_shot_as_we
     changing = replace(constancy, ln_bayes_factor=8.0, normalised_drift=6.0)
     assert not changing.constant
     assert replace(changing, gain_of_chain=18.1).constant
-    assert "the breech chain, a muzzle brake or the tube explains" in str(replace(changing, gain_of_chain=18.1))
+    assert "something of the breech chain or its like explains" in str(replace(changing, gain_of_chain=18.1))
     assert not replace(changing, gain_of_chain=17.9).constant
 
 
 def test_nothing_is_told_where_nothing_is_suspected() -> None:
-    assert chain_suspicion(identified().route.calibration, ()) is None
+    assert suspicion(identified().route.calibration, ()) is None

@@ -1,0 +1,218 @@
+"""What a rig does not state and a shot may be asked for: each a shape of known form and unknown size.
+
+Beside the shapes of the breech chain (`recoil_identification.rows.breech_chain`), with what nobody stated taken at
+several values:
+
+==================  ==================================================================================
+part that hangs     ``F - H F`` beside the force, ``H = (2 z w s + w^2) / (s^2 + 2 z w s + w^2)``: it
+                    swings with w and the damping z, and the rest of the mass does not feel it where it
+                    moves otherwise (C. M. Harris, A. G. Piersol, Harris' Shock and Vibration Handbook,
+                    base excitation)
+time constant       the integral of a reading, per second of an amplifier's time constant that nobody
+                    declared: of ``y = s tau / (s tau + 1) x`` is ``x = y + y / (s tau)``
+==================  ==================================================================================
+
+The force F that the mass follows stands in its own column, noise and all; H passes next to nothing of that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
+from recoil_identification.rows.breech_chain import (
+    BREECH,
+    MUZZLE_BRAKE,
+    TUBE,
+    U_TUBE,
+    bent_reading_pa,
+    breech_force_n,
+    breech_of,
+    curvature_n_s2,
+    force_read_n,
+    full_scale_pa,
+    gauge_ahead_of,
+    gradient_n,
+    in_column,
+    linearity_of,
+)
+from recoil_identification.rows.causes import Cause, filtered_columns
+from recoil_identification.rows.late_readings import late_readings
+from recoil_processing.double_integral import integrate
+from recoil_processing.gaps import bridge
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
+from recoil_processing.shot.projectile import projectile_travel_m, risen_behind
+from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.signals import Signals
+from recoil_rigs.rig import Rig
+
+HANGING = ErrorSource(SourceKind.HANGING_PART)
+"""Source that is a part of the recoiling mass which hangs on it elastically."""
+SUSPECTED_LINEARITY, SUSPECTED_SHARE, SUSPECTED_MUZZLE = 0.01, 0.05, 0.2
+SUSPECTED_HANGING, SUSPECTED_PER_S = 0.015, 2.0
+"""Standard deviations of the sizes of what is suspected, if it is there."""
+PULSE_ENDS = 0.1
+"""Share of the peak to which the breech pressure has fallen when the projectile is taken to have left."""
+SUSPECTED_TRAVELS = (2.0, 3.0, 4.0, 5.5, 7.5, 10.0, 13.0)
+"""Travels of the projectile up to then, in lengths of the chamber, at which a gauge ahead is suspected."""
+SUSPECTED_EXITS = (0.8, 0.6, 0.45, 0.35, 0.25, 0.18, 0.12, 0.08)
+"""Shares of the peak to which the breech pressure has fallen when the projectile is suspected to leave."""
+SUSPECTED_HZ = 500.0
+"""Frequency of a tube or a bracket that is suspected: its shape is one for all."""
+HANGING_HZ, HANGING_DAMPING = (8.0, 11.0, 15.0, 20.0, 27.0, 36.0, 48.0), (0.05, 0.12, 0.25, 0.5)
+"""Frequencies and dampings at which a part is suspected to hang."""
+MAY_DROOP = ("breech_pressure", "brake_pressure")
+"""Gauges whose amplifier may have a time constant that nobody declared: they read nothing before the shot, so that
+nothing shows it there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Suspect(ReadOnlyArrays):
+    """A shape that the rig does not state, and how large it would be.
+
+    Attributes
+    ----------
+    source
+        Source that it would be.
+    u
+        Standard deviation of its size if there is one.
+    shapes : ndarray, shape (n_variants, n)
+        For each value of what nobody stated what a size of one does, on the regression's grid and behind its filter:
+        how much too little `gauge`'s force reads, N; what acts beside the forces, N; or what the accelerometer reads
+        too much, m/s^2.
+    where
+        Name of the force whose gauge it is; ``beside`` or ``motion``.
+    variants
+        What was taken for each shape, in words.
+    unit
+        Unit of its size.
+    positive
+        Whether its size cannot be negative.
+    late : ndarray, shape (n_late,), optional
+        What a size of one adds to the late readings of the breech gauge, Pa.
+    """
+
+    source: ErrorSource
+    u: float
+    shapes: Array
+    where: str
+    variants: tuple[str, ...]
+    unit: str = "1"
+    positive: bool = False
+    late: Array | None = None
+
+    def cause(self, regression: Regression, variant: int) -> Cause:
+        """Return one of its shapes as a further error of a shot's rows."""
+        shape = self.shapes[variant]
+        none, unmoved = np.zeros((shape.size, len(regression.gauges))), np.zeros(shape.size)
+        if self.where == BESIDE:
+            return Cause(self.source, self.unit, self.u, "B", none, unmoved, scope="rig", beside_n=shape)
+        if self.where == MOTION:
+            return Cause(self.source, self.unit, self.u, "B", none, shape, scope="sensor")
+        columns = in_column(regression, self.where, shape)
+        return Cause(self.source, self.unit, self.u, "B", columns, unmoved, scope="sensor")
+
+
+BESIDE, MOTION = "beside", "motion"
+
+
+def droop_of(role: str) -> ErrorSource:
+    """Return the source that is the time constant of a sensor's amplifier, by its role or force."""
+    return ErrorSource(SourceKind.TIME_CONSTANT, role)
+
+
+def suspects(
+    regression: Regression, recorded: Regression, signals: Signals, rig: Rig, causes: Sequence[Cause]
+) -> tuple[Suspect, ...]:
+    """List the shapes that the rig does not state; none where no gauge reads the breech pressure.
+
+    Parameters
+    ----------
+    regression, recorded
+        Regressions behind the filter and before it.
+    signals, rig
+        Readings of the gauges, and what the rig states of them, of the projectile and of the tube.
+    causes
+        Causes of the shot's rows.
+    """
+    reading, breech = signals.series.get(BREECH), breech_of(rig)
+    breech_n = np.maximum(breech_force_n(recorded, signals, rig), 0.0)
+    if reading is None or breech is None or not breech_n.any():
+        return ()
+    step_s, peak = recorded.step_s, int(np.argmax(breech_n))
+    sensors = [spec.sensor for spec in breech.channels]
+    found: list[tuple[ErrorSource, float, dict[str, Array], bool]] = []
+    reading_pa = bridge(reading, otherwise=0.0)
+    full_pa = float(np.mean([full_scale_pa(spec, reading_pa) for spec in breech.channels]))
+    if all(sensor.u_linearity_rel is None for sensor in sensors):
+        bent, lags = bent_reading_pa(reading_pa, full_pa)
+        errors_pa = {"bent": bent, "lagging": lags, "bent and lagging": bent + lags}
+        shapes = {name: force_read_n(breech, error_pa, recorded) for name, error_pa in errors_pa.items()}
+        found.append((linearity_of(BREECH), SUSPECTED_LINEARITY, shapes, False))
+    if all(sensor.gauge_ahead is None for sensor in sensors):
+        free_m = projectile_travel_m(breech_n, step_s, 1.0)
+        ends = free_m[_falls_to(breech_n, peak, PULSE_ENDS)]
+        shapes = {f"{travels:g}": gradient_n(breech_n, free_m, ends / travels) for travels in SUSPECTED_TRAVELS}
+        found.append((gauge_ahead_of(BREECH), SUSPECTED_SHARE, shapes, True))
+    if {"muzzle_brake", "u_muzzle_brake"} <= rig.mechanism.unstated:
+        exits = {share: float(recorded.times_s[_falls_to(breech_n, peak, share)]) for share in SUSPECTED_EXITS}
+        shapes = {f"{share:g}": -breech_n * risen_behind(recorded.times_s, at_s) for share, at_s in exits.items()}
+        found.append((MUZZLE_BRAKE, SUSPECTED_MUZZLE, shapes, True))
+    behind = [
+        Suspect(
+            source, u, filtered_columns(regression, np.column_stack([*shapes.values()])).T, BREECH, (*shapes,),
+            positive=positive,
+        )
+        for source, u, shapes, positive in found
+    ]  # fmt: skip
+    if not rig.mechanism.tube_axial_hz:
+        shape = 2.0 * curvature_n_s2(regression) / (2.0 * math.pi * SUSPECTED_HZ) ** 2
+        behind.append(Suspect(TUBE, U_TUBE, shape[np.newaxis], BREECH, (f"{SUSPECTED_HZ:g} Hz",)))
+    behind.append(_hanging(regression))
+    late = late_readings(signals, regression.interval_s, causes)
+    behind += _drooping(regression, rig, None if late is None else -late.drooped_pa_s)
+    return tuple(behind)
+
+
+def _hanging(regression: Regression) -> Suspect:
+    """Return the part that hangs, over frequency and damping."""
+    force_n = bridge(regression.force_n, otherwise=0.0)
+    variants = [(hz, damping) for hz in HANGING_HZ for damping in HANGING_DAMPING]
+    shapes = [force_n - followed(force_n, regression.step_s, hz, damping) for hz, damping in variants]
+    named = tuple(f"{hz:g} Hz, damping {damping:g}" for hz, damping in variants)
+    return Suspect(HANGING, SUSPECTED_HANGING, np.array(shapes), BESIDE, named, positive=True)
+
+
+def followed(force_n: Array, step_s: float, hz: float, damping: float) -> Array:
+    """Return what of a force a part that hangs on the rest follows, shape (n,); settled at the start."""
+    from scipy.signal import bilinear, lfilter
+
+    w = 2.0 * math.pi * hz
+    numerator, denominator = bilinear([2.0 * damping * w, w**2], [1.0, 2.0 * damping * w, w**2], 1.0 / step_s)
+    return np.asarray(force_n[0] + lfilter(numerator, denominator, force_n - force_n[0]))
+
+
+def _drooping(regression: Regression, rig: Rig, late: Array | None) -> list[Suspect]:
+    """Return the time constants that amplifiers may have beside what the rig states of them."""
+    found = []
+    for force in rig.forces:
+        if force.role in MAY_DROOP and force.name in regression.gauges:
+            column = bridge(regression.forces_n[:, regression.gauges.index(force.name)], otherwise=0.0)
+            shape = integrate(column, regression.step_s)[np.newaxis]
+            of_late = late if force.role == BREECH else None
+            found.append(Suspect(droop_of(force.name), SUSPECTED_PER_S, shape, force.name, ("",), "1/s", True, of_late))
+    if regression.motion_role == "recoil_acceleration":
+        shape = -integrate(bridge(regression.acceleration_m_s2, otherwise=0.0), regression.step_s)[np.newaxis]
+        found.append(Suspect(droop_of(regression.motion_role), SUSPECTED_PER_S, shape, MOTION, ("",), "1/s", True))
+    return found
+
+
+def _falls_to(pressure: Array, peak: int, share: float) -> int:
+    """Return the first sample behind the peak at which a pressure has fallen to a share of it; the last if never."""
+    below = np.flatnonzero(pressure[peak:] < share * pressure[peak])
+    return peak + int(below[0]) if below.size else pressure.size - 1
