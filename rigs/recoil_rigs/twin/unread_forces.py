@@ -165,9 +165,11 @@ class HangingPart:
 
     def beside(self, unread: Unread | None) -> Unread:
         """Return a force that no gauge reads with that of this part."""
-        if unread is None:
-            return lambda x, v, p_brake, p_gas, t: self.force_n
-        return lambda x, v, p_brake, p_gas, t: unread(x, v, p_brake, p_gas, t) + self.force_n
+
+        def both(x: float, v: float, p_brake: float, p_gas: float, t: float) -> float:
+            return self.force_n if unread is None else unread(x, v, p_brake, p_gas, t) + self.force_n
+
+        return both
 
     def move(self, acceleration_m_s2: float, step_s: float) -> None:
         """Move it by a step, short against its period, in which the rest has an acceleration."""

@@ -141,7 +141,7 @@ def test_a_part_that_hangs_resists_by_how_it_moves_otherwise_than_the_rest(hz: f
     motion, w = moved(hanging_kg=10.0, hanging_hz=hz, hanging_damping=damping), 2.0 * math.pi * hz
     a = motion.qdd[:, 4]
     _, z_m_s2, _ = lsim(([-1.0, 0.0, 0.0], [1.0, 2 * damping * w, w**2]), a, motion.times_s)
-    np.testing.assert_allclose(motion.unread_n, 10.0 * z_m_s2, atol=0.02 * 10.0 * np.abs(a).max())
+    np.testing.assert_allclose(motion.unread_n, 10.0 * z_m_s2, atol=0.03 * 10.0 * np.abs(a).max())
     # and the whole of it goes along with a motion that is slow against its swing
     late = moved(hanging_kg=10.0, hanging_hz=2000.0, hanging_damping=0.5)
     assert np.abs(late.unread_n).max() < 0.1 * np.abs(motion.unread_n).max()
