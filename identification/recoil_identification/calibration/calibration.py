@@ -215,7 +215,9 @@ class Calibration(ReadOnlyArrays):
         known = [Prior.of(size.name, size.name, u) for size in sizes] if math.isfinite(u) else []
         priors = [*self.common, *self.own, *known]
         blocks: list[Block] = [changing.rows, *self.further]
-        unknowns, most_steps = [*self.inferred.unknowns, *sizes], MOST_STEPS if u > 0 else 0
+        named = {one.name for one in self.inferred.unknowns}
+        asked = [one.unknown for one in self.block.causes if one.source not in named]
+        unknowns, most_steps = [*self.inferred.unknowns, *asked, *sizes], MOST_STEPS if u > 0 else 0
         return replace(changing, inferred=solve(unknowns, blocks, priors, self.values, most_steps=most_steps))
 
     def with_cause(self, cause: Cause, late: Mapping[str, Array] = MappingProxyType({})) -> Calibration:

@@ -26,7 +26,7 @@ from recoil_identification.estimate.mass import MassEstimate
 from recoil_identification.estimate.monte_carlo import Draw
 from recoil_identification.inference.averaging import Hypotheses
 from recoil_identification.rows.equation_of_motion import MASS
-from recoil_identification.rows.suspects import SUSPECTED_HZ, Suspect
+from recoil_identification.rows.suspects import SUSPECTED_HZ, Suspect, columns_of
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 
 AS_WELL = 2.0
@@ -125,29 +125,34 @@ class ShotSuspicion(ReadOnlyArrays):
         if not self.suspected:
             return f"Nothing of the breech chain, a muzzle brake, the tube and their like can be told ({odds})."
         others = f", {' and '.join(self.others)} nearly as well" if self.others else ""
+        what, remedy = described(self.source, self.variant, self.size, self.u_size)
         return (
-            f"The breech chain, a muzzle brake, the tube or their like; or the mass ({odds}): {self._likeliest} "
-            f"explains the shot best{others}; the mass would move by {100 * self.moves_rel:+.2g} %; {self._remedy}."
+            f"The breech chain, a muzzle brake, the tube or their like; or the mass ({odds}): {what} explains the shot "
+            f"best{others}; the mass would move by {100 * self.moves_rel:+.2g} %; {remedy}."
         )
 
-    @property
-    def _likeliest(self) -> str:
-        if self.source.kind is SourceKind.TUBE:
-            what = "a tube that swings along its axis" if self.size > 0 else "a bracket under the accelerometer"
-            return f"{what}, at some {self.swings_hz:.2g} Hz,"
-        if self.source.kind is SourceKind.TIME_CONSTANT:
-            return f"an amplifier of {self.source.of} with a time constant of {1.0 / self.size:.2g} s"
-        size, u_size = (100.0 * one for one in (self.size, self.u_size))
-        of = _OF[self.source.kind].format(variant=self.variant)
-        return f"{_SHAPES[self.source.kind]}, {size:.2g} % (u {u_size:.1g} %) {of},"
 
-    @property
-    def _remedy(self) -> str:
-        if self.source.kind is SourceKind.TUBE and self.size < 0:
-            return "stiffen what carries the accelerometer"
-        return _REMEDIES[self.source.kind].format(of=self.source.of)
+def described(source: ErrorSource, variant: str, size: float, u_size: float) -> tuple[str, str]:
+    """Say what a shape of a size is, and what to do about it.
+
+    Parameters
+    ----------
+    variant
+        What was taken of what nobody stated, in words.
+    """
+    kind, stiff = source.kind, size < 0
+    if kind is SourceKind.TUBE:
+        what, swings_hz = ("a bracket under the accelerometer", -2.0 * size) if stiff else (_TUBE, size)
+        remedy = "stiffen what carries the accelerometer" if stiff else _REMEDIES[kind]
+        return f"{what}, at some {SUSPECTED_HZ / math.sqrt(swings_hz):.2g} Hz,", remedy
+    if kind is SourceKind.TIME_CONSTANT:
+        what = f"an amplifier of {source.of} with a time constant of {1.0 / size:.2g} s"
+        return what, _REMEDIES[kind].format(of=source.of)
+    of = _OF[kind].format(variant=variant)
+    return f"{_SHAPES[kind]}, {100.0 * size:.2g} % (u {100.0 * u_size:.1g} %) {of},", _REMEDIES[kind]
 
 
+_TUBE = "a tube that swings along its axis"
 _SHAPES = {
     SourceKind.LINEARITY: "a breech gauge whose line is bent",
     SourceKind.GAUGE_AHEAD: "a breech gauge ahead of the breech face",
@@ -182,16 +187,13 @@ def suspicion(calibration: Calibration, suspects: Sequence[Suspect]) -> ShotSusp
         Shapes on the grid of the calibration's regression, see `recoil_identification.rows.suspects.suspects`.
     """
     regression = calibration.block.regression
-    tried = [(suspect, at, suspect.cause(regression, at)) for suspect in suspects for at in range(len(suspect.shapes))]
+    tried = [(suspect, at) for suspect in suspects for at in range(len(suspect.shapes))]
     if not tried:
         return None
-    # all shapes of a source at once need names of their own
-    names = [ErrorSource(SourceKind.CHOICE, detail=f"suspected shape {number}") for number in range(len(tried))]
-    causes = [replace(cause, source=name) for (*_, cause), name in zip(tried, names, strict=True)]
-    late = {name: one.late for (one, *_), name in zip(tried, names, strict=True) if one.late is not None}
-    scores = calibration.with_causes(causes, late).scores_of(names)
-    of = np.array([suspects.index(suspect) for suspect, *_ in tried])
-    asked_for = np.array([(suspect.u, suspect.positive) for suspect, *_ in tried])
+    causes, late = columns_of(regression, suspects)
+    scores = calibration.with_causes(causes, late).scores_of([cause.source for cause in causes])
+    of = np.array([suspects.index(suspect) for suspect, _ in tried])
+    asked_for = np.array([(suspect.u, suspect.positive) for suspect, _ in tried])
     found = Hypotheses.of(scores, of, asked_for[:, 0], asked_for[:, 1] > 0)
     factors = found.ln_bayes_factors
     if not np.isfinite(factors).any():
@@ -200,7 +202,8 @@ def suspicion(calibration: Calibration, suspects: Sequence[Suspect]) -> ShotSusp
     sizes = scores.normalised / np.sqrt(np.where(scores.identifiable, scores.information, np.inf))
     by = -scores.moves[[one.name for one in calibration.inferred.unknowns].index(MASS.name)]
     nearly = np.flatnonzero(factors > factors[best] - AS_WELL)
-    suspect, variant, cause = tried[best]
+    suspect, variant = tried[best]
+    cause = suspect.cause(regression, variant)
     others = dict.fromkeys(tried[at][0].source for at in nearly if of[at] != of[best])
     weights = found.weights
     suspected = found.ln_bayes_factor > LEAST_FACTOR

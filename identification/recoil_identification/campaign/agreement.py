@@ -190,7 +190,7 @@ def _own(fit: JointFit) -> tuple[tuple[str, Misfit], ...]:
     rows, beside = fit.rows, beside_shared_change(fit)
     if beside is None:
         return ()
-    at = _changes(rows)
+    at = _asked(rows)
     found = []
     for shot, left, triangle in zip(rows.shots, beside.left[:, at], rows.triangle[:, at][:, :, at], strict=True):
         judged = _told(triangle)
@@ -200,7 +200,7 @@ def _own(fit: JointFit) -> tuple[tuple[str, Misfit], ...]:
 
 def _between(rows: JointRows, trial: Trial) -> Misfit:
     """Return what is left of all rows but those about changes, and of what was known beforehand."""
-    best, shared, own = trial.estimate, _shared(rows), _changes(rows)
+    best, shared, own = trial.estimate, _shared(rows), _asked(rows)
     misfit, told = best.misfit - float(np.sum(rows.seen[:, own] ** 2)), 0
     for seen, triangle in zip(rows.seen[:, shared], rows.triangle[:, shared][:, :, shared], strict=True):
         judged = _told(triangle)
@@ -226,14 +226,14 @@ def _apart(fit: JointFit, between: Misfit) -> tuple[Apart, ...]:
     return tuple(sorted(found, key=lambda one: one.misfit.probability))
 
 
-def _changes(rows: JointRows) -> list[int]:
-    """Return the places of the rows that are about changes of the mass within a shot alone."""
-    return [rows.parameters.index(name) for name in CHANGES if name in rows.parameters]
+def _asked(rows: JointRows) -> list[int]:
+    """Return the places of the rows that are about what shots are only asked for: changes of the mass, and suspects."""
+    return [at for at, name in enumerate(rows.parameters) if name in CHANGES or name in rows.suspected]
 
 
 def _shared(rows: JointRows) -> list[int]:
     """Return the places of all other rows."""
-    return [at for at, name in enumerate(rows.parameters) if name not in CHANGES]
+    return [*set(range(len(rows.parameters))) - set(_asked(rows))]
 
 
 def _told(triangle: Array) -> Array:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from recoil_acquisition.remark import Note, Reason
+from recoil_identification.calibration.suspicion import UNSTATED
 from recoil_identification.campaign.advice import Advised
 from recoil_identification.campaign.agreement import Agreement
 from recoil_identification.campaign.campaign_shot import CampaignShot
@@ -17,6 +18,7 @@ from recoil_identification.campaign.constancy import SharedConstancy
 from recoil_identification.campaign.influence import Influence
 from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.next_steps import NextStep, next_steps
+from recoil_identification.campaign.suspects import SharedSuspicion
 from recoil_identification.estimate.budget import COVERAGE_FACTOR, BudgetRow, effective_degrees_of_freedom
 from recoil_identification.estimate.rounding import in_kg
 from recoil_rigs.tables.specification import Specification
@@ -171,7 +173,11 @@ class Campaign:
     notes
         Facts that a reader should know although it does not make the mass invalid.
     fit
-        Fit that all of it comes from.
+        Fit that all of it comes from; with an unknown for what no rig states, where the shots show that.
+    plain
+        Fit without it, which the mass is averaged from.
+    suspicion
+        What no rig states, as all shots see it; None where their summaries do not tell.
     """
 
     rig: str
@@ -189,6 +195,8 @@ class Campaign:
     reasons: tuple[Reason, ...]
     notes: tuple[Note, ...]
     fit: JointFit
+    plain: JointFit
+    suspicion: SharedSuspicion | None = None
 
     @property
     def mass(self) -> Estimated:
@@ -198,7 +206,12 @@ class Campaign:
     @cached_property
     def budget(self) -> tuple[BudgetRow, ...]:
         """Contributions to the standard uncertainty of that mass; their root sum of squares is it."""
-        return self.fit.budget(self.mechanisms[0].name)
+        rows = self.plain.budget(self.mechanisms[0].name)
+        if self.suspicion is None:
+            return rows
+        _, variance_rel = self.suspicion.moved(0)
+        u_kg = self.plain.mass_kg(self.mechanisms[0].name)[0] * math.sqrt(variance_rel)
+        return (*rows, BudgetRow(UNSTATED, u_kg, "B", scope="rig"))
 
     @property
     def degrees_of_freedom(self) -> float:

@@ -163,9 +163,15 @@ class Candidate:
         }[self.kind]
 
 
-def joint_fit_with_changes(rows: JointRows) -> tuple[JointFit, tuple[Change, ...]]:
-    """Estimate everything that the shots share, and what changed among them, the likeliest change first."""
-    fit, found, instead = joint_fit(rows), list[Candidate](), list[str]()
+def joint_fit_with_changes(rows: JointRows, first: JointFit | None = None) -> tuple[JointFit, tuple[Change, ...]]:
+    """Estimate everything that the shots share, and what changed among them, the likeliest change first.
+
+    Parameters
+    ----------
+    first
+        Fit of the rows without any change, if it is there already.
+    """
+    fit, found, instead = first or joint_fit(rows), list[Candidate](), list[str]()
     while len(rows.shots) >= LEAST_SHOTS and len(found) < MOST_CHANGES:
         candidates = candidates_of(fit, found)
         if not candidates or candidates[0].gain < least_gain(len(candidates)):

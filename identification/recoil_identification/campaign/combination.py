@@ -11,6 +11,7 @@ import numpy as np
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
+from recoil_identification.calibration.suspicion import AS_WELL
 from recoil_identification.campaign.agreement import agreement_of, weighed
 from recoil_identification.campaign.campaign import (
     Campaign,
@@ -33,9 +34,10 @@ from recoil_identification.campaign.changes import (
 from recoil_identification.campaign.charted import charted_residuals, charted_sensors
 from recoil_identification.campaign.constancy import changing_alone, shared_constancy
 from recoil_identification.campaign.influence import Influence
-from recoil_identification.campaign.joint_fit import JointFit
+from recoil_identification.campaign.joint_fit import JointFit, joint_fit
 from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.campaign.mechanisms import mechanisms_of
+from recoil_identification.campaign.suspects import SharedSuspicion, shared_suspicion
 from recoil_identification.campaign.suspicion import CERTIFIED, WRITTEN, Suspicion
 from recoil_identification.rows.unread_resistance import SHARE
 from recoil_identification.shot.shot_summary import LN_MASS
@@ -44,6 +46,8 @@ from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import BORE_FRICTION
 
 LEAST_SHOTS = 2
+LITTLE = 0.8
+"""Change of the mass by what nobody stated, in its standard uncertainties, which its interval holds."""
 CERTIFICATES = (SourceKind.SENSOR_SCALE, SourceKind.STANDARD)
 LEAST_MOVED_U = 0.5
 """By how much of its u what is contradicted has to move the mass to speak against it: of an interval that lies half a u
@@ -67,15 +71,24 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
     ordered = in_order(shots)
     aside = {shot.name: shot.set_aside for shot in ordered if shot.set_aside}
     used = _usable(ordered, aside)
-    fit, changes = joint_fit_with_changes(JointRows.of(used, mechanisms_of(used, ordered)))
+    rows = JointRows.of(used, mechanisms_of(used, ordered))
+    base, first = _beside_what_nobody_stated(rows)
+    fit, changes = joint_fit_with_changes(base, first)
     # what a shot alone calls a mass that changes may be a force that all share; what is not left in the joint fit is
     while alone := _changing_alone(fit):
         aside |= alone
         used = _usable(ordered, aside)
-        fit, changes = joint_fit_with_changes(JointRows.of(used, mechanisms_of(used, ordered)))
+        rows = JointRows.of(used, mechanisms_of(used, ordered))
+        base, first = _beside_what_nobody_stated(rows)
+        fit, changes = joint_fit_with_changes(base, first)
     agreement = agreement_of(fit)
-    if (rows := weighed(fit.rows, agreement)) is not fit.rows:
-        fit, changes = joint_fit_with_changes(replace(rows, columns=()))
+    if (lighter := weighed(fit.rows, agreement)) is not fit.rows:
+        base = replace(lighter, columns=base.columns)
+        fit, changes = joint_fit_with_changes(base)
+    plain = fit
+    if base.columns:
+        plain = joint_fit(base.with_columns([one for one in fit.rows.columns if one not in base.columns]))
+    suspicion = shared_suspicion(plain)
     rows = fit.rows
     common = tuple(
         Learnt(
@@ -91,7 +104,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
     constancy = shared_constancy(fit)
     in_campaign = _used(ordered, fit, aside)
     residuals = {one.shot.name: one.normalised_residual for one in in_campaign if one.normalised_residual is not None}
-    mechanisms = _mechanisms(fit)
+    mechanisms = _mechanisms(plain, suspicion)
     idle = without_consequence(common, mechanisms[0].mass)
     reasons = [
         *doubted_signs(used),
@@ -100,6 +113,11 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         *contradictions([one for one in common if one not in idle], _added(fit)),
         *agreement.reasons,
     ]
+    told = [] if suspicion is None or not base.columns else [suspicion]
+    by_much = [
+        one for one in told if one.spread_rel * plain.mass_kg(rows.mechanisms[0])[0] > LITTLE * mechanisms[0].mass.u_kg
+    ]
+    reasons = [*(Reason(ReasonCode.BREECH_CHAIN, one.source, str(one).rstrip(".")) for one in by_much), *reasons]
     return Campaign(
         rig=ordered[0].rig,
         shots=in_campaign,
@@ -119,11 +137,14 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         reasons=tuple(reasons),
         notes=(
             *_notes(used, rows),
+            *(Note(NoteCode.NEAR_LIMIT, one.source, f"{one}; its interval holds that") for one in told if not by_much),
             *(_note_on_idle(one, mechanisms[0].mass) for one in idle),
             *agreement.notes,
             *_notes_on_specification(mechanisms[0], in_campaign),
         ),
         fit=fit,
+        plain=plain,
+        suspicion=suspicion,
     )
 
 
@@ -228,17 +249,42 @@ def _used(ordered: Sequence[CampaignShot], fit: JointFit, aside: Mapping[str, st
     return tuple(found.get(shot.name) or Used(shot, aside[shot.name]) for shot in ordered)
 
 
-def _mechanisms(fit: JointFit) -> tuple[Mechanism, ...]:
+def _mechanisms(fit: JointFit, suspicion: SharedSuspicion | None) -> tuple[Mechanism, ...]:
+    """Return the mass of each mechanism, the mean over what nobody stated."""
     rows = fit.rows
     return tuple(
         Mechanism(
             name,
             tuple(shot.name for shot, of in zip(rows.shots, rows.mechanism.tolist(), strict=True) if of == number),
-            Estimated(*fit.mass_kg(name)),
+            _averaged(fit.mass_kg(name), None if suspicion is None else suspicion.moved(number)),
             None if number == 0 else Estimated(*fit.difference_kg(name, rows.mechanisms[0])),
         )
         for number, name in enumerate(rows.mechanisms)
     )
+
+
+def _averaged(mass: tuple[float, float], moved: tuple[float, float] | None) -> Estimated:
+    mass_kg, u_kg = mass
+    if moved is None:
+        return Estimated(mass_kg, u_kg)
+    mean_rel, variance_rel = moved
+    return Estimated(mass_kg * (1.0 + mean_rel), math.hypot(u_kg, mass_kg * math.sqrt(variance_rel)))
+
+
+def _beside_what_nobody_stated(rows: JointRows) -> tuple[JointRows, JointFit]:
+    """Give the rows an unknown for the shape that no rig states and the shots show, if they do, and fit them.
+
+    Sensors that contradict the others, and what changed among the shots, are then what is left beside it. Where a mass
+    that changes in every shot alike explains them far better, that is said.
+    """
+    fit = joint_fit(rows)
+    suspicion, constancy = shared_suspicion(fit), shared_constancy(fit)
+    if suspicion is None or not suspicion.suspected:
+        return rows, fit
+    if constancy is not None and constancy.ln_bayes_factor > suspicion.ln_bayes_factor + AS_WELL:
+        return rows, fit
+    beside = rows.with_columns([suspicion.column(len(rows.shots))])
+    return beside, joint_fit(beside)
 
 
 ONE_MASS = (

@@ -228,9 +228,9 @@ def joint_fit(rows: JointRows, columns: Sequence[Column] = ()) -> JointFit:
     Parameters
     ----------
     columns
-        Further unknowns: what changed among the shots.
+        Further unknowns beside those that the rows have: what changed among the shots.
     """
-    wanted, trials, best = rows.with_columns(columns), list[Trial](), -math.inf
+    wanted, trials, best = rows.with_columns([*rows.columns, *columns]), list[Trial](), -math.inf
     for friction_rel in FRICTIONS_REL if FRICTION_SHARE in wanted.parameters else (0.0,):
         row: list[Trial] = []
         for gain_rel in GAINS_REL:

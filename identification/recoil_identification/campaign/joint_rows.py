@@ -33,6 +33,7 @@ from recoil_identification.shot.shot_summary import (
     LN_MASS,
     UNREAD_SHARE,
     ShotSummary,
+    Suspected,
 )
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES
@@ -127,6 +128,8 @@ class JointRows(ReadOnlyArrays):
         Standard uncertainty by which an influence moves a parameter of a shot.
     columns
         Further unknowns.
+    suspected
+        What each parameter is of that is a shape which no rig states, by its name.
     divided
         Rows as the scatters divided them that were asked for. They hang on no column, and most of a
         campaign is fits with one more of them; whoever replaces anything else begins anew.
@@ -145,6 +148,7 @@ class JointRows(ReadOnlyArrays):
     seen: Array
     loads: Array
     columns: tuple[Column, ...] = ()
+    suspected: Mapping[str, Suspected] = field(default_factory=dict)
     divided: dict[Scatter, tuple[Array, Array, float]] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -161,6 +165,7 @@ class JointRows(ReadOnlyArrays):
         summaries = [_summary(shot) for shot in shots]
         parameters = tuple(dict.fromkeys(one.name for summary in summaries for one in summary.parameters))
         influences = influences_of(shots)
+        suspected = {one.name: one.suspected for summary in summaries for one in summary.parameters if one.suspected}
         places = {influence.identity: at for at, influence in enumerate(influences)}
         n, k = len(shots), len(parameters)
         reference, seen, triangle = np.zeros((n, k)), np.zeros((n, k)), np.zeros((n, k, k))
@@ -190,6 +195,7 @@ class JointRows(ReadOnlyArrays):
             triangle=triangle,
             seen=seen,
             loads=loads,
+            suspected=suspected,
         )
 
     @cached_property

@@ -18,7 +18,7 @@ The force F that the mass follows stands in its own column, noise and all; H pas
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,17 +58,22 @@ SUSPECTED_HANGING, SUSPECTED_PER_S = 0.015, 2.0
 """Standard deviations of the sizes of what is suspected, if it is there."""
 PULSE_ENDS = 0.1
 """Share of the peak to which the breech pressure has fallen when the projectile is taken to have left."""
-SUSPECTED_TRAVELS = (2.0, 3.0, 4.0, 5.5, 7.5, 10.0, 13.0)
-"""Travels of the projectile up to then, in lengths of the chamber, at which a gauge ahead is suspected."""
-SUSPECTED_EXITS = (0.8, 0.6, 0.45, 0.35, 0.25, 0.18, 0.12, 0.08)
-"""Shares of the peak to which the breech pressure has fallen when the projectile is suspected to leave."""
+SUSPECTED_TRAVELS = (2.5, 4.0, 6.5, 10.0, 15.0, 24.0)
+"""Travels of the projectile up to then, in lengths of the chamber, at which a gauge ahead is suspected: of a pressure
+that reaches the gauge's full scale, so that a chamber is as long in shots of every charge."""
+SUSPECTED_EXITS = (0.03, 0.06, 0.11, 0.18, 0.28, 0.42, 0.6)
+"""Shares of that travel at which the projectile is suspected to leave."""
 SUSPECTED_HZ = 500.0
 """Frequency of a tube or a bracket that is suspected: its shape is one for all."""
-HANGING_HZ, HANGING_DAMPING = (8.0, 11.0, 15.0, 20.0, 27.0, 36.0, 48.0), (0.05, 0.12, 0.25, 0.5)
+HANGING_HZ, HANGING_DAMPING = (9.0, 13.0, 19.0, 28.0, 42.0), (0.08, 0.2, 0.45)
 """Frequencies and dampings at which a part is suspected to hang."""
 MAY_DROOP = ("breech_pressure", "brake_pressure")
 """Gauges whose amplifier may have a time constant that nobody declared: they read nothing before the shot, so that
 nothing shows it there."""
+
+
+BESIDE, MOTION = "beside", "motion"
+"""Where a shape acts that is of no gauge: beside the forces, and in what measured the motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,19 +111,35 @@ class Suspect(ReadOnlyArrays):
     positive: bool = False
     late: Array | None = None
 
-    def cause(self, regression: Regression, variant: int) -> Cause:
-        """Return one of its shapes as a further error of a shot's rows."""
-        shape = self.shapes[variant]
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each of its shapes, the same in all shots of a rig."""
+        return tuple(f"suspected {self.source}: {variant}".rstrip(": ") for variant in self.variants)
+
+    def cause(self, regression: Regression, variant: int, source: ErrorSource | None = None) -> Cause:
+        """Return one of its shapes as a further error of a shot's rows, by its source or by another name."""
+        shape, source = self.shapes[variant], source or self.source
         none, unmoved = np.zeros((shape.size, len(regression.gauges))), np.zeros(shape.size)
         if self.where == BESIDE:
-            return Cause(self.source, self.unit, self.u, "B", none, unmoved, scope="rig", beside_n=shape)
+            return Cause(source, self.unit, self.u, "B", none, unmoved, scope="rig", beside_n=shape)
         if self.where == MOTION:
-            return Cause(self.source, self.unit, self.u, "B", none, shape, scope="sensor")
+            return Cause(source, self.unit, self.u, "B", none, shape, scope="sensor")
         columns = in_column(regression, self.where, shape)
-        return Cause(self.source, self.unit, self.u, "B", columns, unmoved, scope="sensor")
+        return Cause(source, self.unit, self.u, "B", columns, unmoved, scope="sensor")
 
 
-BESIDE, MOTION = "beside", "motion"
+def columns_of(
+    regression: Regression, suspects: Sequence[Suspect]
+) -> tuple[tuple[Cause, ...], Mapping[ErrorSource, Array]]:
+    """Return all shapes as errors of a shot's rows, each by a name of its own, and what each adds to late readings."""
+    causes, late = [], {}
+    for suspect in suspects:
+        for at, name in enumerate(suspect.names):
+            source = ErrorSource(SourceKind.CHOICE, detail=name)
+            causes.append(suspect.cause(regression, at, source))
+            if suspect.late is not None:
+                late[source] = suspect.late
+    return tuple(causes), late
 
 
 def droop_of(role: str) -> ErrorSource:
@@ -154,13 +175,13 @@ def suspects(
         errors_pa = {"bent": bent, "lagging": lags, "bent and lagging": bent + lags}
         shapes = {name: force_read_n(breech, error_pa, recorded) for name, error_pa in errors_pa.items()}
         found.append((linearity_of(BREECH), SUSPECTED_LINEARITY, shapes, False))
+    free_m = projectile_travel_m(breech_n, step_s, 1.0)
+    ends_m = free_m[_falls_to(breech_n, peak, PULSE_ENDS)] * full_pa / float(np.max(reading_pa))
     if all(sensor.gauge_ahead is None for sensor in sensors):
-        free_m = projectile_travel_m(breech_n, step_s, 1.0)
-        ends = free_m[_falls_to(breech_n, peak, PULSE_ENDS)]
-        shapes = {f"{travels:g}": gradient_n(breech_n, free_m, ends / travels) for travels in SUSPECTED_TRAVELS}
+        shapes = {f"{travels:g}": gradient_n(breech_n, free_m, ends_m / travels) for travels in SUSPECTED_TRAVELS}
         found.append((gauge_ahead_of(BREECH), SUSPECTED_SHARE, shapes, True))
     if {"muzzle_brake", "u_muzzle_brake"} <= rig.mechanism.unstated:
-        exits = {share: float(recorded.times_s[_falls_to(breech_n, peak, share)]) for share in SUSPECTED_EXITS}
+        exits = {share: float(np.interp(share * ends_m, free_m, recorded.times_s)) for share in SUSPECTED_EXITS}
         shapes = {f"{share:g}": -breech_n * risen_behind(recorded.times_s, at_s) for share, at_s in exits.items()}
         found.append((MUZZLE_BRAKE, SUSPECTED_MUZZLE, shapes, True))
     behind = [

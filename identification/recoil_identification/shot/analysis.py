@@ -240,7 +240,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         specification=fired.rig.specification,
         results=results,
         sensors=sensors_of(fired.rig),
-        summary=shot_summary(calibration, fired.rig, against_this_shot(against, fired.rig)),
+        summary=shot_summary(calibration, fired.rig, against_this_shot(against, fired.rig), suspected),
         monte_carlo=propagate(draws),
         endogeneity=biased,
         constancy=constancy,

@@ -31,6 +31,7 @@ from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.causes import Cause, delay_of_gauge, u_delay_s
 from recoil_identification.rows.known_forces import declared_sources, declared_too_large
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
+from recoil_identification.rows.suspects import Suspect, columns_of
 from recoil_identification.rows.unread_resistance import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
@@ -63,6 +64,54 @@ def ln_mass_step(share: float) -> str:
 
 
 @dataclass(frozen=True)
+class Suspected:
+    """A shape that the rig does not state, see `recoil_identification.rows.suspects`.
+
+    Attributes
+    ----------
+    source, gauge, variant
+        Source that it would be, the serial number of the gauge that it is of, and what was taken of what nobody
+        stated, in words; empty where there is none.
+    u
+        Standard deviation of its size if there is one.
+    positive
+        Whether its size cannot be negative.
+    """
+
+    source: ErrorSource
+    gauge: str
+    variant: str
+    u: float
+    positive: bool
+
+    @property
+    def kind(self) -> str:
+        """Name of all shapes of one source: another gauge has another line."""
+        return f"{self.gauge} {self.source}".strip()
+
+    @property
+    def name(self) -> str:
+        """Name of the parameter that is its size."""
+        return f"suspected {self.kind}: {self.variant}".rstrip(": ")
+
+    @classmethod
+    def of_json(cls, stated: Mapping[str, Any] | None) -> Suspected | None:
+        """Read it from a report that has it."""
+        if stated is None:
+            return None
+        source = ErrorSource(SourceKind(str(stated["kind"])), str(stated["of"]))
+        found = cls(source, str(stated["gauge"]), str(stated["variant"]), float(stated["u"]), bool(stated["positive"]))
+        if not (math.isfinite(found.u) and found.u > 0):
+            raise ValueError(f"a suspected {source} of a size of {found.u}")
+        return found
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as the report has it."""
+        of_source = {"kind": self.source.kind.value, "of": self.source.of, "gauge": self.gauge}
+        return {**of_source, "variant": self.variant, "u": self.u, "positive": self.positive}
+
+
+@dataclass(frozen=True)
 class Parameter:
     """One of the shared unknowns.
 
@@ -71,11 +120,14 @@ class Parameter:
     influences
         Influences by which it may be off, each with its identity and its standard uncertainty in the parameter's unit:
         two shots, and two campaigns, that name the same identity share the same error.
+    suspected
+        What it is of, if it is a shape that the rig does not state: zero unless many shots are asked for it.
     """
 
     name: str
     influences: tuple[tuple[str, float], ...] = ()
     unit: str = "1"
+    suspected: Suspected | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +176,7 @@ class ShotSummary(ReadOnlyArrays):
                     str(one["name"]),
                     tuple((str(name), float(u)) for name, u in one.get("influences", ())),
                     str(one.get("unit", "1")),
+                    Suspected.of_json(one.get("suspected")),
                 )
                 for one in stated["parameters"]
             ]
@@ -152,7 +205,12 @@ class ShotSummary(ReadOnlyArrays):
         return {
             "schema": SCHEMA,
             "parameters": [
-                {"name": one.name, "unit": one.unit, "influences": [list(influence) for influence in one.influences]}
+                {
+                    "name": one.name,
+                    "unit": one.unit,
+                    "influences": [list(influence) for influence in one.influences],
+                    **({} if one.suspected is None else {"suspected": one.suspected.to_json()}),
+                }
                 for one in self.parameters
             ],
             "reference": self.reference.tolist(),
@@ -168,10 +226,21 @@ class ShotSummary(ReadOnlyArrays):
         }
 
 
-def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = ()) -> ShotSummary:
-    """Summarise a shot; `against` is what speaks against it."""
+def shot_summary(
+    calibration: Calibration, rig: Rig, against: tuple[str, ...] = (), suspects: Sequence[Suspect] = ()
+) -> ShotSummary:
+    """Summarise a shot.
+
+    Parameters
+    ----------
+    against
+        What speaks against it.
+    suspects
+        What the rig does not state, on the regression's grid.
+    """
     regression = calibration.block.regression
-    inferred = calibration.with_changes(_changes(regression), u=0.0).inferred
+    causes, late = columns_of(regression, suspects)
+    inferred = calibration.with_causes(causes, late).with_changes(_changes(regression), u=0.0).inferred
     changes = (LN_MASS_DRIFT, *map(ln_mass_step, STEPS_AT))
     friction_n, u_release_m_s = rig.mechanism.friction, regression.u_release_n_s / calibration.m0_kg
     certified, declared = certified_influences(rig), declared_sources(rig)
@@ -196,6 +265,10 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
         },
         **{cause.source: (parameter, 1.0) for cause, parameter in _of_causes(calibration, rig)},
         **{declared_too_large(source).name: (Parameter(source, certified[source]), 1.0) for source in declared},
+        **{
+            cause.source: (Parameter(suspected.name, unit=cause.unit, suspected=suspected), 1.0)
+            for cause, suspected in zip(causes, _suspected(rig, suspects), strict=True)
+        },
         **{motion.change(number).name: (Parameter(name), 1.0) for number, name in enumerate(changes)},
     }
     if not u_release_m_s:  # nothing was given at the release
@@ -220,6 +293,13 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
         against=against,
         unexplained_share=calibration.noise.unexplained_share,
     )
+
+
+def _suspected(rig: Rig, suspects: Sequence[Suspect]) -> Iterator[Suspected]:
+    """Yield what each shape of the suspects is of: another gauge has another line."""
+    for one in suspects:
+        for variant in one.variants:
+            yield Suspected(one.source, _gauge_of(rig, one.source).rstrip(":"), variant, one.u, one.positive)
 
 
 def _with_own_errors(

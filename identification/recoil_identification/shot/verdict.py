@@ -58,10 +58,16 @@ UNCHECKED = (
     "no accelerometer on the recoiling part was used: what it checks is not checked, the camera's scale and a skew of "
     "the recorder's channels among it"
 )
-JUDGED_TOGETHER = (ReasonCode.RIG, ReasonCode.SENSOR, ReasonCode.METHOD, ReasonCode.CONSTANCY)
-"""Codes of reasons that many shots judge better than one: they tell by how much sensors are off and whether the mass
-changes or a force acts that no gauge reads, a rig file is doubted for all of them, and a campaign has a method of its
-own."""
+JUDGED_TOGETHER = (
+    ReasonCode.RIG,
+    ReasonCode.SENSOR,
+    ReasonCode.BREECH_CHAIN,
+    ReasonCode.METHOD,
+    ReasonCode.CONSTANCY,
+)
+"""Codes of reasons that many shots judge better than one: they tell by how much sensors are off, what nobody stated of
+the breech chain and its like, and whether the mass changes or a force acts that no gauge reads; a rig file is doubted
+for all of them, and a campaign has a method of its own."""
 
 
 def reasons_against(
