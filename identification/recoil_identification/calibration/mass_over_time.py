@@ -22,6 +22,7 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE, probability_text
@@ -29,6 +30,7 @@ from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import Calibration, calibration_of
 from recoil_identification.calibration.noise_in_motion import noise_in_motion
 from recoil_identification.estimate.rounding import in_kg, signed
+from recoil_identification.inference.change_odds import LEAST_FACTOR, found_size, ln_odds_of_change
 from recoil_identification.inference.score import Scores
 from recoil_identification.rows.equation_of_motion import MASS, PIECES, change, ramps
 from recoil_identification.rows.row_noise import correlation_of
@@ -44,6 +46,8 @@ DRIFT, STEP = 0.03, 0.02
 """Standard deviations of the mass's logarithm over the travel and at a step, if it changes: before the shot."""
 INSTANTS = 24
 """Instants at which a step is tried, each as likely as the others; what lies between differs little."""
+SD = np.array([DRIFT, *[STEP] * INSTANTS])
+"""The same for a drift and all steps."""
 TRIMMED = 0.03, 0.1
 """Shares of the travel's time at its beginning and its end in which no step is looked for: at the end hardly a force is
 left to tell a mass by, and the friction turns."""
@@ -53,14 +57,12 @@ DRAWS = 20_000
 """Draws of the largest step by chance: probabilities of 1 % are then known to a tenth."""
 SEED = 0
 """Seed of the draws."""
-LEAST_FACTOR = 3.0
-"""Logarithm of the Bayes factor beyond which the mass is said to change: 20 to 1, strong in the words of Kass and
-Raftery."""
+MAY_CHANGE = 0.0
+"""Logarithm of the Bayes factor from which on the noise is found anew beside the likeliest change: that of a constant
+mass holds the change, too, and would hide it."""
 BY_SCAN = 1.77
 """Factor for looking for a step everywhere: the root of the difference of the squares of what the largest exceeds as
 often as one that was known before."""
-HIDDEN_U = 2.0
-"""Standard uncertainties up to which a change may hide."""
 LEAST_LEFT = 3
 """Rows beyond the unknowns without a prior, below which nothing can be told."""
 
@@ -105,9 +107,11 @@ class MassConstancy:
         Rest of a drift and of the largest step that the constant mass leaves, over its standard deviation.
     ln_bayes_factor
         Logarithm of the odds of a mass that changes, by a drift or a step, against a constant one that the shot adds.
-    u_drift_rel, u_step_rel
-        Standard uncertainty that a drift over the travel would have, and a step at the middle one of all instants,
-        relative to the mass.
+    u_drift_rel
+        Standard uncertainty that a drift over the travel would have, relative to the mass.
+    found_drift_rel, found_step_rel
+        Sizes of a drift over the travel, and of a step at the middle one of all instants, that are found in nineteen
+        shots of twenty, relative to the mass.
     moved_by_drift
         Amount by which a drift that nobody tells moves the mass found, over the drift: a mean of the mass is moved by
         at most 1.
@@ -138,7 +142,8 @@ class MassConstancy:
     normalised_step: float
     ln_bayes_factor: float
     u_drift_rel: float
-    u_step_rel: float
+    found_drift_rel: float
+    found_step_rel: float
     moved_by_drift: float
     p_drift: float
     p_step: float
@@ -179,8 +184,8 @@ class MassConstancy:
 
     @property
     def could_hide_percent(self) -> dict[str, float]:
-        """Largest ``drift`` over the travel and ``step`` that may hide behind what else may be off, percent of it."""
-        return {"drift": 100 * HIDDEN_U * self.u_drift_rel, "step": 100 * HIDDEN_U * self.u_step_rel}
+        """Sizes of a ``drift`` over the travel and a ``step`` that would have been found in 19 shots of 20, percent."""
+        return {"drift": 100 * self.found_drift_rel, "step": 100 * self.found_step_rel}
 
     @property
     def p_value(self) -> float:
@@ -219,9 +224,9 @@ class MassConstancy:
                 return f"No change of the mass can be told ({odds}): {better}."
             hidden = self.could_hide_percent
             return (
-                f"No change of the mass can be told ({odds}): one of less than {hidden['drift']:.2g} % over the travel "
-                f"or {hidden['step']:.2g} % at once may hide behind forces that no gauge reads; if there are none, a "
-                f"constant mass has {probability_text(self.p_value)}."
+                f"No change of the mass can be told ({odds}): in 19 shots of 20 one of {hidden['drift']:.2g} % over "
+                f"the travel or {hidden['step']:.2g} % at once would be, a smaller one may hide behind forces that no "
+                f"gauge reads; if there are none, a constant mass has {probability_text(self.p_value)}."
             )
         if self.kind == "step":
             best = f"a step of {size} {at} (95 %: {low:.1f} to {high:.1f} ms)"
@@ -252,22 +257,77 @@ def mass_over_time(calibration: Calibration) -> MassOverTime:
 
 def mass_constancy(calibration: Calibration) -> MassConstancy | None:
     """Test whether the mass changes in the shot; None if the rows are too few to tell."""
+    tried = _tried(calibration)
+    if tried is None:
+        return None
+    if tried.ln_odds > MAY_CHANGE:
+        anew = _tried(_with_noise_beside(calibration, tried.likeliest))
+        tried = anew if anew is not None and anew.ln_odds > tried.ln_odds else tried
+    return _told(tried, calibration)
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried(ReadOnlyArrays):
+    """A drift and steps that an estimate of a constant mass was asked for.
+
+    Attributes
+    ----------
+    calibration
+        The estimate.
+    shapes : ndarray, shape (n, 1 + INSTANTS)
+        The drift first.
+    instants_s : ndarray, shape (INSTANTS,)
+    scores, alone
+        Scores of all shapes, and those if gauges and friction read all of the resistance.
+    factors : ndarray, shape (1 + INSTANTS,)
+        Logarithms of their Bayes factors.
+    """
+
+    calibration: Calibration
+    shapes: Array
+    instants_s: Array
+    scores: Scores
+    alone: Scores
+    factors: Array
+
+    @property
+    def ln_odds(self) -> float:
+        """Logarithm of the odds of a change against none."""
+        return float(ln_odds_of_change(self.factors))
+
+    @property
+    def likeliest(self) -> Array:
+        """Shape of the likeliest change, shape (n, 1)."""
+        return self.shapes[:, [int(np.argmax(self.factors))]]
+
+    @property
+    def steps(self) -> NDArray[np.intp]:
+        """Places of the steps that can be told."""
+        return np.flatnonzero(self.scores.identifiable)[1:]
+
+
+def _tried(calibration: Calibration) -> _Tried | None:
+    """Ask an estimate for a drift and for steps; None if the rows are too few to tell."""
     regression = calibration.block.regression
     onset_s, end_s = regression.interval_s
     first_s, last_s = (share * (end_s - onset_s) for share in TRIMMED)
-    instants = np.linspace(onset_s + first_s, end_s - last_s, INSTANTS)
+    instants_s = np.linspace(onset_s + first_s, end_s - last_s, INSTANTS)
     drift = ramps(regression.times_s, regression.interval_s, 1)
-    shapes = np.column_stack([drift, steps_behind(regression, instants)])
+    shapes = np.column_stack([drift, steps_behind(regression, instants_s)])
     scores = _scores(calibration, shapes)
     alone = scores if calibration.without_unread is calibration else _scores(calibration.without_unread, shapes)
     if scores is None or not scores.identifiable[0] or np.count_nonzero(scores.identifiable) < 2 or alone is None:
         return None
-    # the drift comes first
-    steps = np.flatnonzero(scores.identifiable)[1:]
-    factors = scores.ln_bayes_factors(np.array([DRIFT, *[STEP] * INSTANTS]))
-    of_step = float(np.logaddexp.reduce(factors[1:]) - math.log(INSTANTS))
-    p_drift, p_step = _by_chance(alone)
-    instants, z = instants[steps - 1], scores.normalised[steps]
+    return _Tried(calibration, shapes, instants_s, scores, alone, scores.ln_bayes_factors(SD))
+
+
+def _told(tried: _Tried, tested: Calibration) -> MassConstancy:
+    """Say what an estimate was found to leave of a change; `tested` is the one with the noise of a constant mass."""
+    calibration, scores, steps = tried.calibration, tried.scores, tried.steps
+    regression = calibration.block.regression
+    onset_s, end_s = regression.interval_s
+    p_drift, p_step = _by_chance(tried.alone)
+    instants, z = tried.instants_s[steps - 1], scores.normalised[steps]
     best = int(np.argmax(np.abs(z)))
     # the step's own instant, between those that were tried
     around = instants[best] + np.linspace(-1, 1, FINER) * (end_s - onset_s) / INSTANTS
@@ -278,9 +338,8 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
         instant_s, interval_s = _most_likely(fine[finer.identifiable], finer.normalised[finer.identifiable])
     # probabilities as small as a drawn one can be tell no more which explains the shot better
     kind: Kind = "step" if as_if_known(z[best]) >= abs(scores.normalised[0]) else "drift"
-    shape = drift if kind == "drift" else steps_behind(regression, np.array([instant_s]))
-    ln_bayes_factor = float(np.logaddexp(factors[0], of_step) - math.log(2.0))
-    beside = _with_noise_beside(calibration, shape) if ln_bayes_factor > LEAST_FACTOR else calibration
+    shape = tried.shapes[:, :1] if kind == "drift" else steps_behind(regression, np.array([instant_s]))
+    beside = _with_noise_beside(tested, shape) if tried.ln_odds > LEAST_FACTOR else tested
     changed = beside.with_changes(shape)
     found = changed.inferred
     at = [[one.name for one in found.unknowns].index(name) for name in (MASS.name, change(0).name)]
@@ -291,9 +350,10 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
         kind=kind,
         normalised_drift=float(scores.normalised[0]),
         normalised_step=float(z[best]),
-        ln_bayes_factor=ln_bayes_factor,
+        ln_bayes_factor=tried.ln_odds,
         u_drift_rel=1.0 / math.sqrt(scores.information[0]),
-        u_step_rel=1.0 / math.sqrt(float(np.median(scores.information[steps]))),
+        found_drift_rel=found_size(scores, SD, 0),
+        found_step_rel=found_size(scores, SD, int(steps[steps.size // 2])),
         moved_by_drift=float(scores.moves[calibration.rows.unknowns.index(MASS.name), 0]),
         p_drift=p_drift,
         p_step=p_step,

@@ -20,11 +20,12 @@ import numpy as np
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import Calibration
-from recoil_identification.calibration.mass_over_time import LEAST_FACTOR, as_if_known
+from recoil_identification.calibration.mass_over_time import as_if_known
 from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.estimate.mass import MassEstimate
 from recoil_identification.estimate.monte_carlo import Draw
 from recoil_identification.inference.averaging import Hypotheses
+from recoil_identification.inference.change_odds import LEAST_FACTOR
 from recoil_identification.rows.equation_of_motion import MASS
 from recoil_identification.rows.suspects import SUSPECTED_HZ, Suspect, columns_of
 from recoil_processing.shot.error_source import ErrorSource, SourceKind

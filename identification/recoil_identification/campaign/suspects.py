@@ -16,11 +16,11 @@ import numpy as np
 
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.numerics.read_only import ReadOnlyArrays
-from recoil_identification.calibration.mass_over_time import LEAST_FACTOR
 from recoil_identification.calibration.suspicion import AS_WELL, described
 from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.joint_rows import Column
 from recoil_identification.inference.averaging import Hypotheses
+from recoil_identification.inference.change_odds import LEAST_FACTOR
 from recoil_identification.inference.score import Scores
 from recoil_identification.shot.shot_summary import Suspected
 from recoil_processing.shot.error_source import ErrorSource

@@ -27,6 +27,7 @@ from recoil_identification.estimate.monte_carlo import propagate
 from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
 from recoil_identification.estimators.errors_in_variables import neighbouring_force
 from recoil_identification.estimators.total_least_squares import total_least_squares_mass
+from recoil_identification.inference.change_odds import LEAST_FACTOR
 from recoil_identification.rows.causes import SKEW
 from recoil_identification.rows.suspects import suspects
 from recoil_identification.shot.baseline import baselines_of
@@ -210,8 +211,11 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
     block = calibration.block
     suspected = suspects(block.regression, route.recorded, route.signals, fired.rig, block.causes)
     constancy, chain = mass_constancy(calibration), suspicion(calibration, suspected)
-    if constancy is not None and chain is not None and chain.suspected:
-        constancy = replace(constancy, gain_of_chain=chain.gain)
+    if constancy is not None and constancy.ln_bayes_factor > LEAST_FACTOR:
+        # with the noise by which the mass is said to change, too
+        beside = suspicion(constancy.beside, suspected)
+        if beside is not None and beside.suspected:
+            constancy, chain = replace(constancy, gain_of_chain=beside.gain), beside
     # sensors that were to explain a mass that changes would hide it
     corrections = calibration if constancy is None or constancy.constant else constancy.changed
     memory_s = route.recorded.memory_s if options.window_s == MEMORY_S else options.window_s
@@ -221,7 +225,8 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
     estimates, draws = dict(route.estimates), calibration.draws()
     if chain is not None:
         # the mass is the mean over what nobody stated; the doubts of it are weighed without
-        estimates[calibration.estimate.method] = chain.averaged(calibration.estimate)
+        asked = constancy.beside if constancy is not None and constancy.by_the_chain else calibration
+        estimates[calibration.estimate.method] = chain.averaged(asked.estimate)
         draws = chain.draws(draws)
     results = {
         name: method_result(estimate, route.regressions[name], corrections, window_s, fired.rig)

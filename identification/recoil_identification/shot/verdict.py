@@ -44,6 +44,8 @@ from recoil_rigs.tables.rig_tables import CARRIAGE_ROLES
 
 PLAIN = ("reverse", "forward")
 """Methods that regress one side of the equation of motion on the other, behind one low-pass."""
+HIDDEN_U = 2.0
+"""Standard uncertainties up to which a drift may hide that moves the mass found."""
 LARGEST_UNEXPLAINED = 0.05
 """Share of the acceleration that may be left in a coloured way: by friction that hangs on the place it is below 1 %."""
 MOST_UNEXPLAINED = 0.2
@@ -151,7 +153,7 @@ def _against_what_hides(calibration: Calibration, constancy: MassConstancy | Non
     # a mean of a mass that drifts is moved by a part of the drift, and that is what one number means
     if constancy is None or not constancy.constant or abs(constancy.moved_by_drift) <= 1.0:
         return
-    drift, estimate = constancy.could_hide_percent["drift"], calibration.estimate
+    drift, estimate = 100 * HIDDEN_U * constancy.u_drift_rel, calibration.estimate
     moved = abs(constancy.moved_by_drift) * drift
     expanded = 100 * estimate.coverage_factor * estimate.u_kg / estimate.mass_kg
     if moved > expanded:

@@ -17,6 +17,7 @@ from recoil_identification.campaign.charted import Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
 from recoil_identification.campaign.constancy import SharedConstancy
 from recoil_identification.campaign.signal_kind import SignalKind
+from recoil_identification.campaign.suspects import SharedSuspicion
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.conformity import conformity_of
 from recoil_identification.estimate.mass import MEASURAND_OF_SHOTS
@@ -100,6 +101,7 @@ def campaign_document(
         "shots": [_shot(one, (pages or {}).get(one.shot.name)) for one in campaign.shots],
         "common": [*map(_learnt, campaign.common), *_unread_force(campaign.unread_force)],
         "constancy": _constancy(campaign.constancy),
+        "breech_chain": _breech_chain(campaign.suspicion),
         "agreement": _agreement(campaign.agreement),
         "budget": budget_rows(
             campaign.budget, lambda row: f"sensor {row.source.detail}" if row.scope == "sensor" else row.scope
@@ -309,6 +311,20 @@ def _constancy(test: SharedConstancy | None) -> dict[str, Any] | None:
         "drift": stated(test.drift, "size_percent", "u_percent"),
         "step": {**stated(test.step, "size_percent", "u_percent"), "at": test.step_at},
         "detail": str(test),
+    }
+
+
+def _breech_chain(found: SharedSuspicion | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    size, u_size = found.size
+    return {
+        **stated(found, "suspected", "source", "ln_bayes_factor"),
+        "size": size,
+        "u_size": u_size,
+        "moves_percent": 100 * found.moves_rel,
+        "spread_percent": 100 * found.spread_rel,
+        "detail": str(found),
     }
 
 
