@@ -149,6 +149,8 @@ def described(source: ErrorSource, variant: str, size: float, u_size: float) -> 
     if kind is SourceKind.TIME_CONSTANT:
         what = f"an amplifier of {source.of} with a time constant of {1.0 / size:.2g} s"
         return what, _REMEDIES[kind].format(of=source.of)
+    if kind is SourceKind.BREAKAWAY:
+        return f"friction that breaks away, {size:.2g} N (u {u_size:.1g} N) more below {variant},", _REMEDIES[kind]
     of = _OF[kind].format(variant=variant)
     return f"{_SHAPES[kind]}, {100.0 * size:.2g} % (u {100.0 * u_size:.1g} %) {of},", _REMEDIES[kind]
 
@@ -175,6 +177,7 @@ _REMEDIES = {
     ),
     SourceKind.TUBE: _STATED.format("`tube_axial_hz`"),
     SourceKind.HANGING_PART: "tie down what swings on the recoiling part: oil, hoses, a sight",
+    SourceKind.BREAKAWAY: "look at the packing: worn, dry or new ones grip harder near to rest",
     SourceKind.TIME_CONSTANT: "look up the amplifier, and state `time_constant_s` in the sensor of {of}",
 }
 

@@ -238,7 +238,11 @@ class JointRows(ReadOnlyArrays):
             *(Unknown(name, scope="rig", largest_step=LARGEST_STEP) for name in self.masses),
             *(Unknown(name, scope="rig") for name in self.added),
             *(Unknown(one.identity, scope="sensor" if one.is_sensor else "rig") for one in self.influences),
-            *(Unknown(column.name, largest_step=LARGEST_STEP) for column in self.columns),
+            # a shape that no rig states is linear however large, and in units of its own
+            *(
+                Unknown(one.name) if one.parameter in self.suspected else Unknown(one.name, largest_step=LARGEST_STEP)
+                for one in self.columns
+            ),
         )
 
     def priors(self, force: float = 1.0) -> list[Prior]:

@@ -8,6 +8,8 @@ part that hangs     ``F - H F`` beside the force, ``H = (2 z w s + w^2) / (s^2 +
                     swings with w and the damping z, and the rest of the mass does not feel it where it
                     moves otherwise (C. M. Harris, A. G. Piersol, Harris' Shock and Vibration Handbook,
                     base excitation)
+breakaway           ``exp(-(v / v_0)^2)`` of the friction's direction: packings grip harder near to rest (B.
+                    Armstrong-Helouvry et al., Automatica 30(7), 1994)
 time constant       the integral of a reading, per second of an amplifier's time constant that nobody
                     declared: of ``y = s tau / (s tau + 1) x`` is ``x = y + y / (s tau)``
 ==================  ==================================================================================
@@ -53,9 +55,11 @@ from recoil_rigs.rig import Rig
 
 HANGING = ErrorSource(SourceKind.HANGING_PART)
 """Source that is a part of the recoiling mass which hangs on it elastically."""
+BREAKAWAY = ErrorSource(SourceKind.BREAKAWAY)
+"""Source that is a friction which is larger near to rest."""
 SUSPECTED_LINEARITY, SUSPECTED_SHARE, SUSPECTED_MUZZLE = 0.01, 0.05, 0.2
-SUSPECTED_HANGING, SUSPECTED_PER_S = 0.015, 2.0
-"""Standard deviations of the sizes of what is suspected, if it is there."""
+SUSPECTED_HANGING, SUSPECTED_PER_S, SUSPECTED_FRICTIONS = 0.015, 2.0, 1.0
+"""Standard deviations of the sizes of what is suspected, if it is there; of a friction in what the rig declares."""
 PULSE_ENDS = 0.1
 """Share of the peak to which the breech pressure has fallen when the projectile is taken to have left."""
 SUSPECTED_TRAVELS = (2.5, 4.0, 6.5, 10.0, 15.0, 24.0)
@@ -67,6 +71,8 @@ SUSPECTED_HZ = 500.0
 """Frequency of a tube or a bracket that is suspected: its shape is one for all."""
 HANGING_HZ, HANGING_DAMPING = (9.0, 13.0, 19.0, 28.0, 42.0), (0.08, 0.2, 0.45)
 """Frequencies and dampings at which a part is suspected to hang."""
+BREAKS_AWAY_M_S = (0.1, 0.3, 1.0)
+"""Speeds up to which a friction is suspected to be larger."""
 MAY_DROOP = ("breech_pressure", "brake_pressure")
 """Gauges whose amplifier may have a time constant that nobody declared: they read nothing before the shot, so that
 nothing shows it there."""
@@ -195,6 +201,8 @@ def suspects(
         shape = 2.0 * curvature_n_s2(regression) / (2.0 * math.pi * SUSPECTED_HZ) ** 2
         behind.append(Suspect(TUBE, U_TUBE, shape[np.newaxis], BREECH, (f"{SUSPECTED_HZ:g} Hz",)))
     behind.append(_hanging(regression))
+    if rig.mechanism.friction:
+        behind.append(_breaking_away(regression, recorded, SUSPECTED_FRICTIONS * rig.mechanism.friction))
     late = late_readings(signals, regression.interval_s, causes)
     behind += _drooping(regression, rig, None if late is None else -late.drooped_pa_s)
     return tuple(behind)
@@ -207,6 +215,15 @@ def _hanging(regression: Regression) -> Suspect:
     shapes = [force_n - followed(force_n, regression.step_s, hz, damping) for hz, damping in variants]
     named = tuple(f"{hz:g} Hz, damping {damping:g}" for hz, damping in variants)
     return Suspect(HANGING, SUSPECTED_HANGING, np.array(shapes), BESIDE, named, positive=True)
+
+
+def _breaking_away(regression: Regression, recorded: Regression, friction_n: float) -> Suspect:
+    """Return the friction that is larger near to rest."""
+    speed_m_s = integrate(bridge(recorded.acceleration_m_s2, otherwise=0.0), recorded.step_s)
+    shapes = [recorded.friction_direction * np.exp(-((speed_m_s / slow_m_s) ** 2)) for slow_m_s in BREAKS_AWAY_M_S]
+    named = tuple(f"{slow_m_s:g} m/s" for slow_m_s in BREAKS_AWAY_M_S)
+    filtered = filtered_columns(regression, np.column_stack(shapes)).T
+    return Suspect(BREAKAWAY, friction_n, filtered, BESIDE, named, "N", positive=True)
 
 
 def followed(force_n: Array, step_s: float, hz: float, damping: float) -> Array:

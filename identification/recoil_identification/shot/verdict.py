@@ -281,13 +281,16 @@ def against_this_shot(reasons: Sequence[Reason], rig: Rig) -> tuple[Reason, ...]
     """Return the reasons for which the shot is left out of a campaign.
 
     What many shots are judged by together is none of them, and neither is a carriage sensor that is noisy in a weak
-    shot: it has its part in the budget.
+    shot: it has its part in the budget. Where something is suspected that is the rig's, what it leaves unexplained of
+    the trace is its, too.
     """
+    codes = {one.code for one in reasons}
+    together = (*JUDGED_TOGETHER, *((ReasonCode.TRACE,) if ReasonCode.BREECH_CHAIN in codes else ()))
     carriage = {spec.name for spec in rig.channels if spec.role in CARRIAGE_ROLES}
     return tuple(
         reason
         for reason in reasons
-        if reason.code not in JUDGED_TOGETHER and not (reason.code is ReasonCode.NOISE and reason.about in carriage)
+        if reason.code not in together and not (reason.code is ReasonCode.NOISE and reason.about in carriage)
     )
 
 

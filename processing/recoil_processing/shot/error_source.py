@@ -140,6 +140,8 @@ class SourceKind(StrEnum):
     """Swing of the tube along its axis."""
     HANGING_PART = "hanging part", "part that hangs elastically", SourceGroup.UNREAD_FORCES
     """Part of the recoiling mass that hangs on it elastically."""
+    BREAKAWAY = "breakaway", "friction that breaks away", SourceGroup.UNREAD_FORCES
+    """Friction that is larger near to rest."""
     TIME_CONSTANT = "time constant", "{of} time constant", SourceGroup.SENSORS
     """Time constant of an amplifier that nobody declared."""
     UNSTATED = "unstated", "what nobody stated of the breech chain and its like", SourceGroup.SENSORS
