@@ -13,9 +13,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lsim
 
 from recoil_identification.campaign.campaign_shot import CampaignShot
-from recoil_identification.shot.shot_summary import STEPS_AT, Parameter, ShotSummary
+from recoil_identification.shot.shot_summary import STEPS_AT, Parameter, ShotSummary, Suspected
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 
 NAMES = (
     "ln mass",
@@ -41,6 +43,14 @@ UNREAD_NAMES = (
     "drift of ln mass",
     *(f"step of ln mass at {share:g}" for share in STEPS_AT),
 )
+SUSPECTS = tuple(
+    Suspected(ErrorSource(kind, of), "", variant, u, positive)
+    for kind, of, variant, u, positive in (
+        (SourceKind.LINEARITY, "breech_pressure", "bent", 0.01, False),
+        (SourceKind.HANGING_PART, "", "20 Hz, damping 0.2", 0.015, True),
+    )
+)
+"""Shapes that the made-up rig does not state."""
 SHARE, SHAPE = "rig:made up:unread_share", "rig:made up:unread_force-"
 UNREAD_U = (0.01, *[1.0] * SHAPES)
 OWN_SHARE = 0.002
@@ -97,6 +107,17 @@ def unread_rows_of_shot(charge: float) -> NDArray[np.float64]:
     )
 
 
+def suspected_rows_of_shot(charge: float) -> NDArray[np.float64]:
+    """Return derivatives by a bent line of the breech gauge and by a part that hangs, shape (120, 2)."""
+    rows = rows_of_shot(charge)
+    breech, acceleration, t = -rows[:, 1], rows[:, -1], np.linspace(0.0, 0.12, 120)
+    z = breech / (1.25 * 1.1e6 / MASS_KG)
+    w = 2 * np.pi * 20.0
+    _, follows, _ = lsim(([2 * 0.2 * w, w**2], [1.0, 2 * 0.2 * w, w**2]), acceleration, t)
+    # a gauge that reads too much makes the true force smaller than its reading
+    return np.column_stack([-2.0 * z * (1.0 - z) * 1.25 * 1.1e6 / MASS_KG, acceleration - follows])
+
+
 def summary_of(rows: NDArray[np.float64], truth: NDArray[np.float64], rng: np.random.Generator | None) -> ShotSummary:
     """Summarise rows whose parameters truly are `truth`, with noise of standard deviation one, or without."""
     noise = np.zeros(rows.shape[0]) if rng is None else rng.standard_normal(rows.shape[0])
@@ -104,9 +125,10 @@ def summary_of(rows: NDArray[np.float64], truth: NDArray[np.float64], rng: np.ra
     known = dict(zip(NAMES[1:], zip(INFLUENCES, U, strict=True), strict=True))
     of_force = (SHARE, *(f"{SHAPE}{number + 1}" for number in range(SHAPES)))
     known |= dict(zip(UNREAD_NAMES, zip(of_force, UNREAD_U, strict=True), strict=False))
-    names = (*NAMES, *UNREAD_NAMES)[: rows.shape[1]]
+    stated = tuple(Parameter(name, (known[name],) if name in known else ()) for name in (*NAMES, *UNREAD_NAMES))
+    names = (*stated, *(Parameter(one.name, suspected=one) for one in SUSPECTS))[: rows.shape[1]]
     return ShotSummary(
-        tuple(Parameter(name, (known[name],) if name in known else ()) for name in names),
+        names,
         truth,
         reduced[:, :-1],
         reduced[:, -1],
@@ -129,6 +151,7 @@ def campaign_of(
     changing: dict[str, float] | None = None,
     changing_in: Sequence[int] | None = None,
     told: Sequence[int] = (),
+    suspected: dict[str, float] | None = None,
 ) -> Drawn:
     """Draw a campaign.
 
@@ -150,6 +173,8 @@ def campaign_of(
         Shots in which it changes, counted from 0; all if left out.
     told
         Shots whose own reports say so.
+    suspected
+        Sizes of shapes that the rig does not state, by their names: of `SUSPECTS`; none are asked for if left out.
     """
     rng = None if seed is None else np.random.default_rng(seed)
 
@@ -178,6 +203,9 @@ def campaign_of(
             for changed, size in (changing or {}).items():
                 if changing_in is None or i in changing_in:
                     truth[len(NAMES) + UNREAD_NAMES.index(changed)] += size
+        if suspected is not None:
+            rows = np.hstack([rows, suspected_rows_of_shot(charge)])
+            truth = np.concatenate([truth, [suspected.get(one.name, 0.0) for one in SUSPECTS]])
         summary = summary_of(rows, truth, rng)
         name = configurations[i] if configurations else ""
         shots.append(

@@ -166,7 +166,7 @@ def shared_constancy(fit: JointFit) -> SharedConstancy | None:
         sizes[at] = scores.normalised / np.sqrt(information)
     told = np.isfinite(variances.sum(axis=0))
     # of each change its Bayes factor, averaged over what is not known beside it
-    whole = np.log(weights @ np.exp(factors - factors.max())) + factors.max()
+    whole = np.logaddexp.reduce(factors + fit.ln_weights[:, np.newaxis], axis=0)
     of_step = float(np.logaddexp.reduce(whole[1:]) - math.log(len(STEPS_AT)))
     best = 1 + int(np.argmax(np.where(told[1:], whole[1:], -np.inf)))
 

@@ -95,6 +95,12 @@ class JointFit(ReadOnlyArrays):
         """The trial of the largest probability."""
         return self.trials[int(np.argmax(self.weights))]
 
+    @property
+    def ln_weights(self) -> Array:
+        """Logarithm of the probability of each; minus infinity of one that is as good as impossible."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.log(self.weights))
+
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of all unknowns."""

@@ -38,26 +38,27 @@ class SharedSuspicion(ReadOnlyArrays):
         Of each trial of the fit.
     by : ndarray, shape (n_trials, n_masses, n_shapes)
         Amount by which the logarithm of each mechanism's mass moves for a size of one of each.
-    weights : ndarray, shape (n_trials,)
-        Probability of each trial without any of them.
+    weights, ln_weights : ndarray, shape (n_trials,)
+        Probability of each trial without any of them, and its logarithm.
     """
 
     shapes: tuple[Suspected, ...]
     hypotheses: tuple[Hypotheses, ...]
     by: Array
     weights: Array
+    ln_weights: Array
 
     @cached_property
     def ln_bayes_factors(self) -> Array:
         """Logarithm of the odds of each against none, averaged over the trials; shape (n_shapes,)."""
         factors = np.array([one.ln_bayes_factors for one in self.hypotheses])
-        return np.asarray(np.logaddexp.reduce(factors + np.log(self.weights)[:, np.newaxis], axis=0))
+        return np.asarray(np.logaddexp.reduce(factors + self.ln_weights[:, np.newaxis], axis=0))
 
     @cached_property
     def ln_bayes_factor(self) -> float:
         """Logarithm of the odds of any of them against none."""
         factors = np.array([one.ln_bayes_factor for one in self.hypotheses])
-        return float(np.logaddexp.reduce(factors + np.log(self.weights)))
+        return float(np.logaddexp.reduce(factors + self.ln_weights))
 
     @property
     def suspected(self) -> bool:
@@ -151,5 +152,5 @@ def shared_suspicion(fit: JointFit) -> SharedSuspicion | None:
         )
         found.append(Hypotheses.of(scores, of, sd, one_sided))
         by.append(-scores.moves[masses])
-    suspicion = SharedSuspicion(shapes, tuple(found), np.array(by), fit.weights)
+    suspicion = SharedSuspicion(shapes, tuple(found), np.array(by), fit.weights, fit.ln_weights)
     return suspicion if np.isfinite(suspicion.ln_bayes_factors).any() else None
