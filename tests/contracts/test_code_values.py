@@ -63,7 +63,7 @@ VALUES: dict[type[StrEnum], str] = {
         "camera late, camera gain, "
         "place, picture, carriage part, carriage zero, gauge difference, mass change, known impulse, known load, "
         "parameter, choice, random of shots, sensor scale, bore friction, linearity, hysteresis, gauge ahead, "
-        "muzzle brake, tube, added mass"
+        "muzzle brake, tube, hanging part, breakaway, time constant, unstated, added mass"
     ),
 }
 

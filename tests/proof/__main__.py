@@ -38,6 +38,7 @@ MEASURED: dict[str, tuple[str, Callable[[bool, Path], list[Row]]]] = {
     "shots": ("truth", truth.shots),
     "campaign": ("truth", truth.many_shots),
     "days": ("truth", truth.days),
+    "windows": ("truth", truth.windows),
     "start": ("cost", cost.start),
     "size": ("cost", cost.size),
 }

@@ -8,12 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
+from recoil_rigs.rig import parse_rig
 from tests.benchmarks import test_alignment_benchmark as aligning
 from tests.benchmarks import test_campaign_benchmark as campaigns
 from tests.benchmarks import test_coverage_benchmark as coverage
 from tests.benchmarks import test_documented_day_benchmark as documented
 from tests.builders.documented_days import Day
+from tests.builders.line_shots import identified
+from tests.builders.real_records import EMPS_KG, Carriage, emps_rig, write_carriage
 from tests.proof.row import Row, beside, significant, times
+
+WINDOW_S, WINDOW_HZ = 2.0, 40.0
+"""Length of a real record's windows, and the cut-off behind which a grey box is fitted to them."""
+WINDOW_ROLES = ("driving_force", "recoil_acceleration", "recoil_velocity")
 
 
 def alignment(quick: bool, _: Path) -> list[Row]:
@@ -140,4 +147,51 @@ def days(quick: bool, _: Path) -> list[Row]:
             "",
             "days",
         )
+    ]
+
+
+def windows(quick: bool, folder: Path) -> list[Row]:
+    """Windows of a real machine's record beside least squares of a grey box, its covariance taken as exact."""
+    import statsmodels.api as sm
+    from scipy.signal import butter, filtfilt
+
+    record, holds, widths = Carriage.read(), {"ours": 0, "theirs": 0}, {"ours": list[float](), "theirs": list[float]()}
+    length, low = round(WINDOW_S / float(record.times_s[1] - record.times_s[0])), butter(4, 2e-3 * WINDOW_HZ)
+    count, valid = 2 if quick else record.times_s.size // length, 0
+    text = emps_rig(*WINDOW_ROLES).replace("u_rel = 0.01, u_zero_rel", "u_rel = 0.001, u_zero_rel")
+    rig = parse_rig(text, Path("emps.toml"))
+    for number in range(count):
+        part = record.part(number * length, (number + 1) * length)
+        columns = (part.acceleration_m_s2, part.speed_m_s, np.sign(part.speed_m_s), np.ones(length))
+        # one row for each two of the cut-off, so that the errors of neighbours are about independent
+        every = slice(None, None, round(250.0 / WINDOW_HZ))
+        design = np.column_stack([filtfilt(*low, column) for column in columns])[every]
+        fitted = sm.OLS(filtfilt(*low, part.force_n)[every], design).fit()
+        found = identified(rig, [write_carriage(part, WINDOW_ROLES, folder / f"{number}.csv")], folder / f"{number}")
+        valid += found.valid
+        for name, (first, last) in (
+            ("ours", found.chosen.estimate.interval_kg),
+            ("theirs", tuple(fitted.conf_int(0.05)[0])),
+        ):
+            holds[name] += first <= EMPS_KG <= last
+            outside = max(first - EMPS_KG, EMPS_KG - last, 0.0)
+            widths[name].append(last - first + 2.0 / 0.05 * outside)
+    ours, theirs = (float(np.mean(widths[name])) for name in ("ours", "theirs"))
+    what = f"EMPS, {count} windows of {WINDOW_S:g} s, force to 0.1 %"
+    peer = "grey box by statsmodels, its covariance taken as exact"
+    return [
+        Row(
+            f"{what}: 95 % interval holds the published mass",
+            f"{holds['ours']} of {count}, {valid} valid",
+            f"{peer}: {holds['theirs']} of {count}",
+            "",
+            "windows",
+        ),
+        Row(
+            f"{what}: mean interval score (width, and 40 times what lies outside)",
+            f"{significant(ours)} kg",
+            f"{peer}: {significant(theirs)} kg",
+            times(theirs / ours),
+            "windows",
+        ),
     ]

@@ -226,7 +226,7 @@ class Calibration(ReadOnlyArrays):
         Parameters
         ----------
         late
-            As of `with_causes`.
+            Argument of `with_causes`.
 
         Returns
         -------
@@ -244,7 +244,7 @@ class Calibration(ReadOnlyArrays):
         Parameters
         ----------
         late
-            What a size of one of a cause adds to the late readings of the breech gauge, by its source.
+            Amounts that a size of one of a cause adds to the late readings of the breech gauge, by its source.
         """
         camera, block = self.camera, replace(self.block, causes=(*self.block.causes, *causes))
         if isinstance(camera, CameraRows):

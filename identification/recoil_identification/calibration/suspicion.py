@@ -139,7 +139,7 @@ def described(source: ErrorSource, variant: str, size: float, u_size: float) -> 
     Parameters
     ----------
     variant
-        What was taken of what nobody stated, in words.
+        Value that was taken of what nobody stated, in words.
     """
     kind, stiff = source.kind, size < 0
     if kind is SourceKind.TUBE:

@@ -21,8 +21,6 @@ SUMMARISED = "calibrated"
 """The method whose mass the summary of a report is of."""
 ROUNDING = 1e-6
 """Share by which a mass may differ from that of its summary and still be the same."""
-MOST_LN_KG = 30.0
-"""Logarithm of a mass in kg beyond which it is none."""
 LARGEST_PULL = 3.29
 """Standard uncertainties of a shot's own mass beyond which it does not agree with the others."""
 
@@ -145,7 +143,7 @@ class CampaignShot:
         ):
             raise ValueError(f"a mass of {shot.mass_kg} kg, u {shot.u_kg} kg, with {shot.added_mass_kg} kg added to it")
         if shot.summary is not None and mass.get("method") == SUMMARISED:
-            stated_kg = math.exp(min(float(shot.summary.reference[0]), MOST_LN_KG))
+            stated_kg = shot.summary.mass_kg
             if not abs(shot.mass_kg / stated_kg - 1.0) <= ROUNDING:
                 raise ValueError(f"a mass of {shot.mass_kg} kg, of which its summary says {stated_kg:.6f} kg")
         return shot

@@ -1,4 +1,4 @@
-"""What no rig states and many shots are asked for, as shapes of the rig: bent lines, gradients, what hangs or droops.
+"""Shapes that no rig states and many shots are asked for: bent lines, gradients, what hangs or droops.
 
 One shot asks for each of them by itself (`recoil_identification.calibration.suspicion`); shots of several charges, and
 with a mass added, tell it better, for a shape of the rig is the same in all of them. Each is asked for without a new

@@ -1,4 +1,4 @@
-"""What a rig does not state and a shot may be asked for: each a shape of known form and unknown size.
+"""Shapes that a rig does not state and a shot may be asked for, each of known form and unknown size.
 
 Beside the shapes of the breech chain (`recoil_identification.rows.breech_chain`), with what nobody stated taken at
 several values:
@@ -93,19 +93,19 @@ class Suspect(ReadOnlyArrays):
     u
         Standard deviation of its size if there is one.
     shapes : ndarray, shape (n_variants, n)
-        For each value of what nobody stated what a size of one does, on the regression's grid and behind its filter:
-        how much too little `gauge`'s force reads, N; what acts beside the forces, N; or what the accelerometer reads
-        too much, m/s^2.
+        Effect of a size of one, for each value of what nobody stated, on the regression's grid and behind its filter:
+        how much too little the force of a gauge reads, N; what acts beside the forces, N; or what the accelerometer
+        reads too much, m/s^2.
     where
         Name of the force whose gauge it is; ``beside`` or ``motion``.
     variants
-        What was taken for each shape, in words.
+        Value that was taken for each shape, in words.
     unit
         Unit of its size.
     positive
         Whether its size cannot be negative.
     late : ndarray, shape (n_late,), optional
-        What a size of one adds to the late readings of the breech gauge, Pa.
+        Amount that a size of one adds to the late readings of the breech gauge, Pa.
     """
 
     source: ErrorSource

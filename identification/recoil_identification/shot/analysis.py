@@ -222,11 +222,11 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
     window_s, window_choice = trace_window(
         memory_s, route.filtered, *corrections.correct(route.filtered), default_s=MEMORY_S
     )
-    estimates, draws = dict(route.estimates), calibration.draws()
+    estimates, draws, averaged = dict(route.estimates), calibration.draws(), calibration.estimate
     if chain is not None:
         # the mass is the mean over what nobody stated; the doubts of it are weighed without
         asked = constancy.beside if constancy is not None and constancy.by_the_chain else calibration
-        estimates[calibration.estimate.method] = chain.averaged(asked.estimate)
+        estimates[averaged.method] = averaged = chain.averaged(asked.estimate)
         draws = chain.draws(draws)
     results = {
         name: method_result(estimate, route.regressions[name], corrections, window_s, fired.rig)
@@ -245,7 +245,10 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         specification=fired.rig.specification,
         results=results,
         sensors=sensors_of(fired.rig),
-        summary=shot_summary(calibration, fired.rig, against_this_shot(against, fired.rig), suspected),
+        summary=replace(
+            shot_summary(calibration, fired.rig, against_this_shot(against, fired.rig), suspected),
+            averaged_rel=averaged.mass_kg / calibration.estimate.mass_kg - 1.0,
+        ),
         monte_carlo=propagate(draws),
         endogeneity=biased,
         constancy=constancy,

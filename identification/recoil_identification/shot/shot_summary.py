@@ -50,6 +50,8 @@ LN_MASS_DRIFT = "drift of ln mass"
 """Name of the drift of the mass's logarithm over the travel."""
 STEPS_AT = tuple(np.linspace(TRIMMED[0], 1.0 - TRIMMED[1], 12).round(3).tolist())
 """Shares of the travel's time at which the mass may step."""
+MOST_LN_KG = 30.0
+"""Logarithm of a mass in kg beyond which it is none."""
 OF_SENSOR, OF_STANDARD, OF_RIG = "sensor:", "standard:", "rig:"
 """Beginnings of identities, by what they are of."""
 OF_SHAPE = "unread_force-"
@@ -121,7 +123,7 @@ class Parameter:
         Influences by which it may be off, each with its identity and its standard uncertainty in the parameter's unit:
         two shots, and two campaigns, that name the same identity share the same error.
     suspected
-        What it is of, if it is a shape that the rig does not state: zero unless many shots are asked for it.
+        Shape that the rig does not state, if it is the size of one: zero unless many shots are asked for it.
     """
 
     name: str
@@ -149,6 +151,8 @@ class ShotSummary(ReadOnlyArrays):
         Reasons against the shot, beside what many shots judge better.
     unexplained_share
         Share of the acceleration that forces and motion leave of one another in a coloured way.
+    averaged_rel
+        Share by which the shot's mass exceeds that of the reference, being the mean over what no rig states.
     """
 
     parameters: tuple[Parameter, ...]
@@ -158,6 +162,12 @@ class ShotSummary(ReadOnlyArrays):
     geometry: Mapping[str, float]
     against: tuple[str, ...] = ()
     unexplained_share: float = 0.0
+    averaged_rel: float = 0.0
+
+    @property
+    def mass_kg(self) -> float:
+        """Mass that the shot's own report states."""
+        return math.exp(min(float(self.reference[0]), MOST_LN_KG)) * (1.0 + self.averaged_rel)
 
     @classmethod
     def of_json(cls, stated: Mapping[str, Any]) -> ShotSummary:
@@ -184,7 +194,7 @@ class ShotSummary(ReadOnlyArrays):
             # earlier reports name what was not stated too, with null
             geometry = {str(name): float(value) for name, value in stated["geometry"].items() if value is not None}
             against = tuple(str(one) for one in stated["against"])
-            unexplained = float(stated.get("unexplained_share", 0.0))
+            unexplained, averaged = (float(stated.get(key, 0.0)) for key in ("unexplained_share", "averaged_rel"))
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise ValueError(f"{type(error).__name__}: {error}") from error
         n, names = len(listed), [one.name for one in listed]
@@ -194,11 +204,13 @@ class ShotSummary(ReadOnlyArrays):
             raise ValueError("numbers that are not finite")
         if not (math.isfinite(unexplained) and unexplained >= 0.0):
             raise ValueError(f"a share of {unexplained} that is unexplained")
+        if not abs(averaged) < 1.0:
+            raise ValueError(f"a share of {averaged} by which the mass is averaged")
         if names[:1] != [LN_MASS] or len(set(names)) < n:
             raise ValueError(f"parameters {', '.join(names)}: the first must be {LN_MASS}, and each once")
         if any(not (math.isfinite(u) and u >= 0) for one in listed for _, u in one.influences):
             raise ValueError("a standard uncertainty that is negative or not finite")
-        return cls(tuple(listed), arrays[0], arrays[1], arrays[2], geometry, against, unexplained)
+        return cls(tuple(listed), arrays[0], arrays[1], arrays[2], geometry, against, unexplained, averaged)
 
     def to_json(self, *, cutoff_hz: float | None, zero_shift: bool) -> dict[str, Any]:
         """Return it as the report has it."""
@@ -221,6 +233,7 @@ class ShotSummary(ReadOnlyArrays):
             # relative standard uncertainty of the mass that no column holds: there is nothing without one
             "own_u_rel": 0.0,
             "unexplained_share": self.unexplained_share,
+            "averaged_rel": self.averaged_rel,
             "cutoff_hz": cutoff_hz,
             "zero_shift": zero_shift,
         }

@@ -10,7 +10,16 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import lsim
 
-from recoil_identification.rows.suspects import BESIDE, HANGING, MOTION, Suspect, droop_of, followed, suspects
+from recoil_identification.rows.suspects import (
+    BESIDE,
+    BREAKAWAY,
+    HANGING,
+    MOTION,
+    Suspect,
+    droop_of,
+    followed,
+    suspects,
+)
 from recoil_processing.shot.error_source import SourceKind
 from recoil_rigs.rig import Rig
 from tests.builders.bench_shots import bench_motion, bench_regression, bench_rig, bench_shot, bench_signals
@@ -36,7 +45,7 @@ def suspected(rig: Rig) -> dict[str, Suspect]:
 def test_what_a_rig_does_not_state_is_suspected_and_what_it_states_is_not() -> None:
     plain = bench_rig()
     assert [*suspected(plain)] == [
-        LINEARITY, AHEAD, MUZZLE_BRAKE, "tube along its axis", HANGING, droop_of(BREECH), droop_of(BRAKE),
+        LINEARITY, AHEAD, MUZZLE_BRAKE, "tube along its axis", HANGING, BREAKAWAY, droop_of(BREECH), droop_of(BRAKE),
         droop_of("recoil_acceleration"),
     ]  # fmt: skip
     assert LINEARITY not in suspected(stated("u_linearity_rel = 0"))
@@ -74,6 +83,17 @@ def test_what_a_part_that_hangs_does_acts_beside_the_forces_and_can_only_be_ther
     # held by a spring that is stiff against the motion it goes along
     stiff = recorded.force_n - followed(recorded.force_n, recorded.step_s, 2000.0, 0.5)
     assert np.linalg.norm(stiff) < 0.05 * np.linalg.norm(cause.beside_n)
+
+
+def test_friction_that_breaks_away_acts_where_the_part_is_slow() -> None:
+    recorded, breaking = bench_regression().filtered(LOW_PASS), suspected(bench_rig())[BREAKAWAY]
+    assert (breaking.unit, breaking.positive) == ("N", True)
+    for variant in range(3):
+        cause = breaking.cause(recorded, variant)
+        assert cause.beside_n is not None
+        assert cause.beside_n.min() < -0.9  # it holds back what begins to move
+    speed_m_s = cumulative_trapezoid(recorded.acceleration_m_s2, dx=recorded.step_s, initial=0.0)
+    assert np.abs(breaking.shapes[0][recorded.inside & (speed_m_s > 1.0)]).max() < 0.1
 
 
 def test_an_amplifier_that_droops_lacks_the_integral_of_what_it_reads() -> None:
