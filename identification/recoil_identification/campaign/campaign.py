@@ -177,7 +177,7 @@ class Campaign:
     plain
         Fit without it, which the mass is averaged from.
     suspicion
-        What no rig states, as all shots see it; None where their summaries do not tell.
+        Shapes that no rig states, as all shots see them; None where their summaries do not tell.
     """
 
     rig: str
