@@ -57,7 +57,7 @@ DRAWS = 20_000
 """Draws of the largest step by chance: probabilities of 1 % are then known to a tenth."""
 SEED = 0
 """Seed of the draws."""
-MAY_CHANGE = 0.0
+MAY_CHANGE = -0.7
 """Logarithm of the Bayes factor from which on the noise is found anew beside the likeliest change: that of a constant
 mass holds the change, too, and would hide it."""
 BY_SCAN = 1.77
