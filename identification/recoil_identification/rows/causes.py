@@ -23,6 +23,7 @@ from recoil_identification.inference.unknown import Prior, Scope, Unknown
 from recoil_processing.double_integral import integrate
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
+from recoil_processing.shot.clocks.force_clocks import METHOD as BY_FORCE
 from recoil_processing.shot.clocks.forced_recoil import RATE_ROLES, ForcedRecoil
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.gauge_zero import MOVES_S, moving_zero_pa, zero_moves
@@ -50,6 +51,8 @@ may have had."""
 U_SKEW_S = 5e-5
 """Standard uncertainty of the delay between the chains of acceleration and force, beyond what was corrected: the rows
 tell it to a microsecond or two, and would be asked twice if what was found from them before were believed."""
+ASKED_TWICE = 10.0
+"""Factor on the uncertainty of a clock that these very rows were asked for: what they tell they tell here."""
 U_DELAY_S = 2e-5
 """Standard uncertainty of a gauge's delay where the rig declares none."""
 SLOPE_HZ, MOST_OF_RATE = 300.0, 0.2
@@ -191,6 +194,8 @@ def causes_of(
     clocks = [[channel.time_base.clock for channel in of_role] for of_role in channels]
     for clock in sorted({clock for of_role in clocks for clock in of_role} - {fired.shot.reference_clock}):
         u_s = fired.alignments[clock].u_offset_s
+        if fired.alignments[clock].method == BY_FORCE and not regression.recoils_once:
+            u_s *= ASKED_TWICE
         if math.isfinite(u_s) and u_s > 0:
             # of the mean of several gauges some may be on it
             on_it = np.array([of_role.count(clock) / max(len(of_role), 1) for of_role in clocks])
