@@ -312,7 +312,7 @@ def notes_on(fired: FiredShot, route: Route, trace: MassTrace) -> tuple[Note, ..
     size = route.calibration.noise.size
     if recorded.begins_in_motion(rested=signals.baseline_s[0] != signals.baseline_s[1]):
         text = (
-            "the record begins in motion: the noise at rest is that of its quietest part, and the zero of an "
+            "the record begins in motion: its noise is what the mass and the forces leave of it, and the zero of an "
             "accelerometer is known as its `u_zero_rel` says, to 1 % of its range if left out"
         )
         notes.append(Note(NoteCode.MOTION_NOISE, "shot", text))

@@ -1,7 +1,7 @@
 """Lag of one low-passed signal behind another, with an uncertainty that holds for the few rows of a shot.
 
-``y_i = g r(t_i + shift + drift (t_i - origin)) + c`` is solved by Gauss-Newton; further columns, of unknown size but for
-what was known of them, may stand beside both. The uncertainty is the largest of
+``y_i = g r(t_i + shift + drift (t_i - origin)) + c`` is solved by Gauss-Newton; further columns, whose sizes are
+unknown but for what was known of them, may stand beside both. The uncertainty is the largest of
 
 - the curvature with the residual's variance, as if the residual were noise;
 - the sandwich covariance with the residuals where they occur: what two sensors do not have in common is largest in

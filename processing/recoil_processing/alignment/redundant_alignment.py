@@ -167,6 +167,13 @@ def align_redundant(
         parts, u = tuple(low_pass.apply(part, 1.0 / step_s) for part in beside.parts.T), beside.u
         smooth = smooth - columns @ beside.sizes
         trusted &= np.interp(grid, t, beside.counts[present].astype(np.float64)) > 0.5
+    if derivative > 1:
+        # noise that was differentiated twice is wild where the filter knows one side of it only
+        inner = slice(reach := math.ceil(low_pass.reach_s / grid_step), grid.size - reach)
+        grid, smooth, trusted = grid[inner], smooth[inner], trusted[inner]
+        columns = columns if columns is None else columns[inner]
+        if grid.size < LEAST_SAMPLES:
+            return f"a record of {t[-1] - t[0]:.3g} s is too short to be compared below {low_pass.cutoff_hz:.3g} Hz"
     lag = coarse_lag(grid, smooth, start_s, step_s, target, step_of_search_s=grid_step)
     if isinstance(lag, str):
         return lag if bursts is None else f"{bursts}: {lag}"
@@ -177,9 +184,9 @@ def align_redundant(
     mapped = t + found.shift_s + found.drift * (t - rows.origin_s)
     anti_alias = source_filter or usual_filter(rate_hz)
     aliases = folded_samples(mapped, start_s, step_s, reference, anti_alias, integral=derivative)
-    folded = _smoothed(t, aliases, low_pass, grid_step, derivative=derivative)[1] if aliases.size else aliases
+    whole, folded, _ = _smoothed(t, aliases, low_pass, grid_step, derivative=derivative)
     at = rows.times_s[found.inside]
-    pulls = [float(found.influence @ np.interp(at, grid, column)) for column in folded.T]
+    pulls = [float(found.influence @ np.interp(at, whole, column)) for column in folded.T]
     # each band is there twice, a quarter of a period apart
     u_alias = abs(found.gain) * math.sqrt(0.5 * sum(pull**2 for pull in pulls))
     return RedundantFit(
@@ -210,16 +217,20 @@ def _smoothed(
     """
     from scipy.interpolate import CubicSpline, make_interp_spline
 
-    grid = np.arange(times_s[0], times_s[-1], grid_step_s)
+    # what is differentiated twice is noise where it is quick: the low-pass comes first, none is left out before
+    finer = math.ceil(grid_step_s / float(np.median(np.diff(times_s)))) if derivative > 1 else 1
+    grid = np.arange(times_s[0], times_s[-1], grid_step_s / finer)
     after = np.clip(np.searchsorted(times_s, grid, side="right"), 1, times_s.size - 1)
     gap = times_s[after] - times_s[after - 1] > LONGEST_GAP / low_pass.cutoff_hz
     spline = CubicSpline(times_s, samples)
-    values = spline(grid, derivative)
+    values = spline(grid, derivative % 2)
     if gap.any():
         # a cubic swings out of a long gap; a straight line does not
         line = make_interp_spline(times_s, samples, k=1)(grid)
+        values[gap] = (np.gradient(line, grid_step_s, axis=0) if derivative == 1 else line)[gap]
+    trusted = ~near(gap, math.ceil(low_pass.reach_s * finer / grid_step_s))
+    smooth = low_pass.apply(values, finer / grid_step_s)
+    if derivative > 1:
         for _ in range(derivative):
-            line = np.gradient(line, grid_step_s, axis=0)
-        values[gap] = line[gap]
-    trusted = ~near(gap, math.ceil(low_pass.reach_s / grid_step_s))
-    return grid, low_pass.apply(values, 1.0 / grid_step_s), trusted
+            smooth = np.gradient(smooth, grid_step_s / finer, axis=0)
+    return grid[::finer], smooth[::finer], trusted[::finer]

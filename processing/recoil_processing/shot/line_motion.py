@@ -8,6 +8,7 @@ ends with one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -26,6 +27,9 @@ SMOOTH_SHARE = 0.1
 """Cut-off of a speed that is differentiated of a displacement, share of the rate."""
 REST_SHARE, REST_SAMPLES = 0.02, 24
 """Share of a record at either end, and its samples at the least, by which a rest is told."""
+QUICKER = 0.5
+"""Cut-off of an acceleration that is differentiated, by which a rest is told, times the time in which a force changes:
+three times its frequency."""
 REST_LEVEL = 0.02
 """Share of the largest acceleration, or force, that a rest may move by."""
 STEADY = 2.0
@@ -110,9 +114,10 @@ class LineMotion(ReadOnlyArrays):
                 expected="a role recoil_acceleration, recoil_velocity or recoil_displacement",
                 remedy="declare its role in the rig file, or mend the alignment",
             )
-        role = next(one for one in _MOTIONS if _usable(series, one))
-        interval_s = driven_s(times_s, acceleration, forces, static_m_s2)
-        begins_s, ends_s = driven_s(times_s, acceleration, (), static_m_s2)
+        role = telling_role(series)
+        told, rest = _telling(acceleration, role, forces, step_s)
+        interval_s = _between_rests_s(times_s[told], rest, [one[told] for one in forces], static_m_s2)
+        begins_s, ends_s = _between_rests_s(times_s[told], rest, (), static_m_s2)
         driven = (times_s >= begins_s) & (times_s <= ends_s)
         felt = bridge(acceleration, otherwise=static_m_s2) - static_m_s2
         velocity = velocity_on_line(series, felt, step_s)
@@ -193,8 +198,37 @@ def velocity_on_line(series: Mapping[str, Array], felt_m_s2: Array, step_s: floa
     return first_derivative(LowPass(SMOOTH_SHARE / step_s).apply(travel, 1.0 / step_s), step_s)
 
 
+def changes_in_s(force_n: Array, step_s: float) -> float:
+    """Return the time in which a force changes: its spread over that of its slope; infinite where it stays the same."""
+    slope = float(np.std(np.gradient(force_n, step_s)))
+    return float(np.std(force_n)) / slope if slope > 0 else math.inf
+
+
+def telling_role(series: Mapping[str, Array]) -> str:
+    """Return the role of what tells an acceleration along the line; empty where nothing does."""
+    return next((one for one in _MOTIONS if _usable(series, one)), "")
+
+
+def _telling(acceleration_m_s2: Array, role: str, forces: Sequence[Array], step_s: float) -> tuple[slice, Array]:
+    """Return the part of a record that tells a rest from a motion, and an acceleration of it that does.
+
+    One that was differentiated is looked at no quicker than the forces change, and not where its record begins or ends:
+    its noise is largest where it is quickest.
+    """
+    seen = np.flatnonzero(np.isfinite(acceleration_m_s2))
+    if role == "recoil_acceleration" or not forces or not seen.size:
+        return slice(None), acceleration_m_s2
+    quickest_s = min(changes_in_s(bridge(one, otherwise=0.0), step_s) for one in forces)
+    low_pass = LowPass(min(QUICKER / quickest_s, SMOOTH_SHARE / step_s))
+    reach = low_pass.reach_samples(1.0 / step_s)
+    told = slice(int(seen[0]) + reach, int(seen[-1]) + 1 - reach)
+    if told.stop - told.start < 2 * REST_SAMPLES:
+        return slice(None), acceleration_m_s2
+    return told, low_pass.apply(bridge(acceleration_m_s2), 1.0 / step_s)[told]
+
+
 def driven_s(
-    times_s: Array, acceleration_m_s2: Array, forces: Sequence[Array], static_m_s2: float
+    times_s: Array, acceleration_m_s2: Array, role: str, forces: Sequence[Array], static_m_s2: float
 ) -> tuple[float, float]:
     """Return the first and the last instant at which a body on a line is driven or moves.
 
@@ -204,10 +238,19 @@ def driven_s(
     ----------
     times_s, acceleration_m_s2 : ndarray, shape (n,)
         Instants, evenly spaced, and specific force along the line.
+    role
+        Role of what it is told by.
     forces : sequence of ndarray, shape (n,)
     static_m_s2
         Specific force at rest.
     """
+    told, rest = _telling(acceleration_m_s2, role, forces, float(times_s[1] - times_s[0]))
+    return _between_rests_s(times_s[told], rest, [one[told] for one in forces], static_m_s2)
+
+
+def _between_rests_s(
+    times_s: Array, acceleration_m_s2: Array, forces: Sequence[Array], static_m_s2: float
+) -> tuple[float, float]:
     step_s = float(times_s[1] - times_s[0])
     acceleration = bridge(acceleration_m_s2, otherwise=static_m_s2)
     smooth = LowPass(SMOOTH_SHARE / step_s).apply(acceleration, 1.0 / step_s)

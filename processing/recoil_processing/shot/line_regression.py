@@ -14,8 +14,8 @@ import numpy as np
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.filters import LowPassFilter
-from recoil_processing.gaps import runs_of
-from recoil_processing.shot.line_motion import LineMotion
+from recoil_processing.gaps import bridge, bridged_smoothly, runs_of
+from recoil_processing.shot.line_motion import LineMotion, changes_in_s
 from recoil_processing.shot.regression import LEAST_ROWS, LONGEST_SHARE, Regression, refuse_lost
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.mechanism.line import Line
@@ -27,6 +27,10 @@ LEAST_SPACED = 24
 """Rows of a body on a line below which those of the quiet around its motion are counted."""
 STANDS = 0.2
 """Share of the dry friction that is left, behind the filter, where a body on a line stands or turns."""
+
+BRIDGED_CHANGE = 0.25
+"""Share of the time in which the forces change for which a travel needs no frame: it is smoother than they by two
+integrals."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -144,10 +148,16 @@ def line_motion(signals: Signals, rig: Rig) -> LineMotion:
         If nothing was recorded of it.
     """
     forces = [signals.series[force.name] for force in rig.forces if force.name in signals.series]
+    series = dict(signals.series)
+    if "recoil_displacement" in series and forces:
+        longest_s = BRIDGED_CHANGE * changes_in_s(
+            np.sum([bridge(one, otherwise=0.0) for one in forces], axis=0), signals.step_s
+        )
+        series["recoil_displacement"] = bridged_smoothly(series["recoil_displacement"], int(longest_s / signals.step_s))
     static = rig.mechanism.at_rest.get("recoil_acceleration", 0.0)
     offset = signals.offsets.get("recoil_acceleration")
     u_zero = 0.0 if offset is None else offset.u
-    return LineMotion.of(signals.times_s, signals.series, forces, static, u_zero)
+    return LineMotion.of(signals.times_s, series, forces, static, u_zero)
 
 
 def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> LineRegression:

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from functools import singledispatch
 
 from recoil_acquisition.numerics.arrays import Array
-from recoil_processing.shot.line_motion import acceleration_on_line, driven_s
+from recoil_processing.shot.line_motion import acceleration_on_line, driven_s, telling_role
 from recoil_processing.shot.onset import find_onset
 from recoil_rigs.mechanism.line import Line
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
@@ -45,4 +45,5 @@ def _end_of_rest_s(mechanism: Line, grid_s: Array, series: Mapping[str, Array], 
     acceleration = acceleration_on_line(series, float(grid_s[1] - grid_s[0]), static)
     if acceleration is None:
         return float(grid_s[0])
-    return driven_s(grid_s, acceleration, [series[name] for name in forces if name in series], static)[0]
+    read = [series[name] for name in forces if name in series]
+    return driven_s(grid_s, acceleration, telling_role(series), read, static)[0]

@@ -19,13 +19,14 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.shot.shot import ClockAlignment
-from recoil_processing.alignment.align import failed_alignment, judge_redundant
+from recoil_processing.alignment.align import LEAST_CORRELATION, failed_alignment, judge_redundant
 from recoil_processing.alignment.redundant_alignment import Beside, RedundantFit, align_redundant
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
+from recoil_processing.outliers import agreeing
 from recoil_processing.shot.clocks.force_clocks import METHOD, MOST_OFF
 from recoil_processing.shot.instants import anti_alias_filter, instants, with_chains
-from recoil_processing.shot.line_motion import SMOOTH_SHARE, LineMotion
+from recoil_processing.shot.line_motion import SMOOTH_SHARE, LineMotion, changes_in_s
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.shots.fired_shot import FiredShot
@@ -37,6 +38,8 @@ WIDEST_HZ, WIDEST_SHARE = 300.0, 0.15
 HALVINGS = 7
 """Times that the cut-off is halved: a travel in pixels has nothing above some hertz."""
 
+SPEED_CHANGES = 4.0
+"""Cut-off of the motion that tells the frictions, times the time in which the forces change."""
 SLIDES = 2.0
 """Multiples of the speed over which a friction turns, from which on it has turned."""
 
@@ -70,10 +73,16 @@ def align_by_forces(
     lacking = [force.name for force in fired.rig.forces if force.name not in signals.series]
     if lacking:
         return failed_alignment(clock, METHOD, f"no usable channel of force {', '.join(lacking)}")
-    forces = np.column_stack([
-        force.sign * force.per_reading * bridge(signals.series[force.name], otherwise=0.0) for force in fired.rig.forces
-    ])
-    beside = _frictions(fired, own, one.times_s, forces)
+    forces = np.column_stack(
+        [
+            force.sign * force.per_reading * bridge(signals.series[force.name], otherwise=0.0)
+            for force in fired.rig.forces
+        ]
+    )
+    net_n = np.asarray(forces.sum(axis=1))
+    own = _sound(own, fired)
+    changes_s = changes_in_s(net_n, signals.step_s)
+    beside = _frictions(fired, own, one.times_s, forces, SPEED_CHANGES / changes_s)
     rate_hz = min(own.time_base.rate_hz, signals.rate_hz)
     widest_hz = min(WIDEST_HZ, WIDEST_SHARE * rate_hz)
     fits = [
@@ -82,7 +91,7 @@ def align_by_forces(
             own.measured,
             signals.start_s,
             signals.step_s,
-            np.asarray(forces.sum(axis=1)) / mechanism.m3,
+            net_n / mechanism.m3,
             drift_allowance=drift_allowance,
             cutoff_hz=widest_hz / 2.0**halving,
             derivative=DERIVATIVES[own.quantity],
@@ -92,10 +101,11 @@ def align_by_forces(
         for halving in range(HALVINGS)
     ]
     sound = [fit for fit in fits if isinstance(fit, RedundantFit) and math.isfinite(fit.u_offset_s)]
-    fit = min(sound, key=lambda one: one.u_offset_s) if sound else fits[0]
-    slow_n = LowPass(widest_hz).apply(np.asarray(forces.sum(axis=1)), signals.rate_hz)
-    lasts_s = float(np.std(slow_n) / np.std(np.gradient(slow_n, signals.step_s)))
-    judged = judge_redundant(clock, fit, method=METHOD, most_u_s=MOST_CHANGE * lasts_s)
+    alike = [fit for fit in sound if fit.correlation >= LEAST_CORRELATION]
+    fit: RedundantFit | str = fits[0]
+    if sound:
+        fit = min(alike, key=lambda one: one.u_offset_s) if alike else max(sound, key=lambda one: one.correlation)
+    judged = judge_redundant(clock, fit, method=METHOD, most_u_s=MOST_CHANGE * changes_s)
     if isinstance(fit, str):
         return judged
     judged = replace(judged, details={**(judged.details or {}), "mass_kg": mechanism.m3 / fit.gain})
@@ -109,30 +119,46 @@ def align_by_forces(
     return with_chains(judged, [(own, one), (other, two)], one.u_s, two.u_s)
 
 
-def _frictions(fired: FiredShot, own: Channel, times_s: Array, forces_n: Array) -> Beside:
-    """Return what no cell reads of what holds the body, by its motion on its own clock, over the specification mass."""
+def _sound(channel: Channel, fired: FiredShot) -> Channel:
+    """Return a channel without a camera's frames that contradict their neighbours."""
+    if fired.rig.source(channel.time_base.clock).kind != "camera":
+        return channel
+    return replace(channel, samples=agreeing(channel.time_base.times_s, channel.measured))
+
+
+def _frictions(fired: FiredShot, own: Channel, times_s: Array, forces_n: Array, quickest_hz: float) -> Beside:
+    """Return what no cell reads of what holds the body, by its motion on its own clock, over the specification mass.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+        Instants of the channel's samples on its clock.
+    forces_n : ndarray, shape (n_reference, n_forces)
+    quickest_hz
+        Frequency below which the motion is looked at: one that was differentiated is noise above.
+    """
     m = fired.rig.mechanism
     step_s = float(times_s[-1] - times_s[0]) / (times_s.size - 1)
     even_s = times_s[0] + step_s * np.arange(times_s.size)
     series = {}
     for channel in fired.shot.channels.values():
         if channel.role in m.motion_roles and channel.time_base.clock == own.time_base.clock:
-            at, samples = instants(channel, fired).times_s, channel.measured
+            at, samples = instants(channel, fired).times_s, _sound(channel, fired).measured
             known = np.isfinite(samples)
             if known.any():
                 series[channel.role] = np.interp(even_s, at[known], samples[known])
-    motion = LineMotion.of(even_s, series, (), m.at_rest["recoil_acceleration"], 0.0)
-    motion = replace(motion, velocity_m_s=LowPass(SMOOTH_SHARE / step_s).apply(motion.velocity_m_s, 1.0 / step_s))
+    low_pass = LowPass(min(quickest_hz, SMOOTH_SHARE / step_s))
+    slow = {role: low_pass.apply(samples, 1.0 / step_s) for role, samples in series.items()}
+    motion = LineMotion.of(even_s, slow, (), m.at_rest["recoil_acceleration"], 0.0)
     whole = (1.0 + m.unread_share) / m.m3
-    columns = np.column_stack([whole * motion.friction_direction, -whole * motion.velocity_m_s])
+    columns = -whole * np.column_stack([np.tanh(motion.velocity_m_s / motion.turning_m_s), motion.velocity_m_s])
     u = [m.u.get("friction", 0.0), m.u.get("slide_friction", 0.0)]
-    # what holds a body that stands, or is about to, no friction tells
-    slides = (np.abs(motion.velocity_m_s) >= SLIDES * motion.turning_m_s) | (m.friction == 0.0 == u[0])
     several = forces_n.shape[1] > 1
     return Beside(
         columns=np.column_stack([np.interp(times_s, even_s, column) for column in columns.T]),
         sizes=np.array([m.friction, m.slide_friction]),
         parts=forces_n / m.m3 if several else np.zeros((forces_n.shape[0], 0)),
         u=np.array([*u, *(scale_uncertainty(fired.rig).gauges if several else ())]),
-        counts=np.interp(times_s, even_s, (motion.driven & slides).astype(np.float64)) > 0.5,
+        # what holds a body that stands, or is about to, no friction tells
+        counts=np.interp(times_s, even_s, np.abs(motion.velocity_m_s)) >= SLIDES * motion.turning_m_s,
     )
