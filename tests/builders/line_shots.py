@@ -80,80 +80,12 @@ buffer_n_m = 1.184e8
 """
 """A hammer that falls upon an anvil, whose stiffness throws it back within a millisecond."""
 
-RACK = """\
-schema = "recoil-daq/rig/1"
-name = "rack"
-reference_clock = "recorder"
 
-[mechanism]
-model = "line"
-m3 = 24.0
-phi20 = 0.0
-friction = 25.0
-u_friction = 8.0
-slide_friction = 30.0
-u_slide_friction = 10.0
-carried_mass = 0.0
-u_carried_mass = 0.0
-
-[[source]]
-name = "recorder"
-kind = "recorder"
-match = "*_recorder.csv"
-
-[[source]]
-name = "servo"
-kind = "recorder"
-match = "*_servo.csv"
-align = { method = "motion", against = "f_rack" }
-
-[[channel]]
-name = "f_rack"
-source = "recorder"
-signal = "f_rack"
-quantity = "force"
-unit = "N"
-role = "driving_force"
-sensor = { u_rel = 0.01, u_zero_rel = 0.002, range = [-600.0, 600.0] }
-
-[[channel]]
-name = "v_servo"
-source = "servo"
-signal = "v_servo"
-quantity = "velocity"
-unit = "m/s"
-role = "recoil_velocity"
-sensor = { u_rel = 0.001, range = [-1.0, 1.0] }
-
-[twin]
-sample_rate_hz = 1000.0
-duration_s = 3.0
-pre_trigger_s = 0.3
-push_n = 0.0
-strokes = 2
-stroke_m = 0.3
-stroke_s = 0.6
-pause_s = 0.4
-brake_n = 0.0
-brake_n_s_m = 0.0
-ringing = 0.0
-noise = 0.0002
-"""
-"""A carriage on a rack, its drive's force on one clock, the servo's speed on another."""
-
-
-def rack() -> Rig:
-    """Return the rig of a rack with two clocks."""
-    return parse_rig(RACK, Path("rack.toml"))
-
-
-def cell_and_camera() -> Rig:
-    """Return the bundled rig with its cells and its camera, whose clock the cells tell."""
-    tables = bundled_tables("sled")
-    tables["channel"] = [one for one in tables["channel"] if one["name"] not in ("acc_sled", "v_sled")]
-    camera = next(one for one in tables["source"] if one["name"] == "camera")
-    camera["align"] = {"method": "motion", "against": "f_push"}
-    return parse_rig(toml_of(tables), Path("sled.toml"))
+def of_the_page(marker: str) -> Rig:
+    """Return a rig of the page on lines: `cell and servo`, or `cell and camera`."""
+    page = (Path(__file__).parents[2] / "docs" / "line-rigs.md").read_text(encoding="utf-8")
+    text = page.partition(f"<!-- {marker} -->\n```toml\n")[2].partition("```")[0]
+    return parse_rig(text, Path("rig.toml"))
 
 
 def hammer() -> Rig:

@@ -219,7 +219,8 @@ def _smoothed(
 
     # what is differentiated twice is noise where it is quick: the low-pass comes first, none is left out before
     finer = math.ceil(grid_step_s / float(np.median(np.diff(times_s)))) if derivative > 1 else 1
-    grid = np.arange(times_s[0], times_s[-1], grid_step_s / finer)
+    count = np.arange(times_s[0], times_s[-1], grid_step_s).size
+    grid = times_s[0] + grid_step_s / finer * np.arange((count - 1) * finer + 1)
     after = np.clip(np.searchsorted(times_s, grid, side="right"), 1, times_s.size - 1)
     gap = times_s[after] - times_s[after - 1] > LONGEST_GAP / low_pass.cutoff_hz
     spline = CubicSpline(times_s, samples)

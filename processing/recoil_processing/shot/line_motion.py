@@ -115,9 +115,8 @@ class LineMotion(ReadOnlyArrays):
                 remedy="declare its role in the rig file, or mend the alignment",
             )
         role = telling_role(series)
-        told, rest = _telling(acceleration, role, forces, step_s)
-        interval_s = _between_rests_s(times_s[told], rest, [one[told] for one in forces], static_m_s2)
-        begins_s, ends_s = _between_rests_s(times_s[told], rest, (), static_m_s2)
+        interval_s = driven_s(times_s, series, forces, static_m_s2)
+        begins_s, ends_s = driven_s(times_s, series, forces, static_m_s2, moves=True)
         driven = (times_s >= begins_s) & (times_s <= ends_s)
         felt = bridge(acceleration, otherwise=static_m_s2) - static_m_s2
         velocity = velocity_on_line(series, felt, step_s)
@@ -140,6 +139,8 @@ class LineMotion(ReadOnlyArrays):
         return np.asarray(-np.tanh(self.velocity_m_s / self.turning_m_s) * self.driven)
 
 
+DIFFERENTIATED = {"recoil_velocity": first_derivative, "recoil_displacement": second_derivative}
+"""How the acceleration is told by what is none."""
 _MOTIONS = ("recoil_acceleration", "recoil_velocity", "recoil_displacement")
 
 
@@ -164,8 +165,7 @@ def acceleration_on_line(series: Mapping[str, Array], step_s: float, static_m_s2
         samples = series[role]
         if role == "recoil_acceleration":
             return samples
-        differentiated = first_derivative if role == "recoil_velocity" else second_derivative
-        return np.asarray(differentiated(samples, step_s) + static_m_s2)
+        return np.asarray(DIFFERENTIATED[role](samples, step_s) + static_m_s2)
     return None
 
 
@@ -209,43 +209,53 @@ def telling_role(series: Mapping[str, Array]) -> str:
     return next((one for one in _MOTIONS if _usable(series, one)), "")
 
 
-def _telling(acceleration_m_s2: Array, role: str, forces: Sequence[Array], step_s: float) -> tuple[slice, Array]:
-    """Return the part of a record that tells a rest from a motion, and an acceleration of it that does.
-
-    One that was differentiated is looked at no quicker than the forces change, and not where its record begins or ends:
-    its noise is largest where it is quickest.
-    """
-    seen = np.flatnonzero(np.isfinite(acceleration_m_s2))
-    if role == "recoil_acceleration" or not forces or not seen.size:
-        return slice(None), acceleration_m_s2
-    quickest_s = min(changes_in_s(bridge(one, otherwise=0.0), step_s) for one in forces)
-    low_pass = LowPass(min(QUICKER / quickest_s, SMOOTH_SHARE / step_s))
-    reach = low_pass.reach_samples(1.0 / step_s)
-    told = slice(int(seen[0]) + reach, int(seen[-1]) + 1 - reach)
-    if told.stop - told.start < 2 * REST_SAMPLES:
-        return slice(None), acceleration_m_s2
-    return told, low_pass.apply(bridge(acceleration_m_s2), 1.0 / step_s)[told]
-
-
 def driven_s(
-    times_s: Array, acceleration_m_s2: Array, role: str, forces: Sequence[Array], static_m_s2: float
+    times_s: Array, series: Mapping[str, Array], forces: Sequence[Array], static_m_s2: float, *, moves: bool = False
 ) -> tuple[float, float]:
     """Return the first and the last instant at which a body on a line is driven or moves.
 
-    A record that does not begin, or end, with a rest is driven from its first instant on, or to its last.
+    A record that does not begin, or end, with a rest is driven from its first instant on, or to its last: that of what
+    tells the motion. What must be differentiated is looked at as quick as its noise lets a rest be told, down to what
+    the forces change in.
 
     Parameters
     ----------
-    times_s, acceleration_m_s2 : ndarray, shape (n,)
-        Instants, evenly spaced, and specific force along the line.
-    role
-        Role of what it is told by.
+    times_s : ndarray, shape (n,)
+        Instants, evenly spaced.
+    series : mapping of str to ndarray, shape (n,)
+        Series of the motion by role, one at least.
     forces : sequence of ndarray, shape (n,)
     static_m_s2
         Specific force at rest.
+    moves
+        Whether the motion alone is asked for.
     """
-    told, rest = _telling(acceleration_m_s2, role, forces, float(times_s[1] - times_s[0]))
-    return _between_rests_s(times_s[told], rest, [one[told] for one in forces], static_m_s2)
+    role, step_s = telling_role(series), float(times_s[1] - times_s[0])
+    read = () if moves else forces
+    if role == "recoil_acceleration":
+        return _between_rests_s(times_s, series[role], read, static_m_s2)
+    seen = np.flatnonzero(np.isfinite(series[role]))
+    first, stop = int(seen[0]), int(seen[-1]) + 1
+    samples, differentiated = bridge(series[role][first:stop]), DIFFERENTIATED[role]
+    cutoff_hz, changes_s = SMOOTH_SHARE / step_s, [changes_in_s(bridge(one, otherwise=0.0), step_s) for one in forces]
+    slowest_hz = QUICKER / min(changes_s, default=math.inf)
+    while True:
+        low_pass = LowPass(cutoff_hz)
+        # where its record ends the filter knows one side alone
+        reach = min(low_pass.reach_samples(1.0 / step_s), samples.size // 4)
+        slow = differentiated(low_pass.apply(samples, 1.0 / step_s), step_s)[reach : samples.size - reach]
+        count = max(REST_SAMPLES, int(REST_SHARE * slow.size))
+        noise = min(robust_sigma(slow[:count]), robust_sigma(slow[-count:]))
+        cutoff_hz *= 0.5
+        if NOISES * noise < REST_LEVEL * float(np.max(np.abs(slow))) or cutoff_hz < slowest_hz:
+            break
+    told = slice(first + reach, stop - reach)
+    first_s, last_s = _between_rests_s(times_s[told], slow + static_m_s2, [one[told] for one in read], static_m_s2)
+    # without a rest it moves as long as anything is told of it
+    return (
+        float(times_s[first]) if first_s == times_s[told][0] else first_s,
+        float(times_s[stop - 1]) if last_s == times_s[told][-1] else last_s,
+    )
 
 
 def _between_rests_s(

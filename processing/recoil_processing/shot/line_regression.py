@@ -132,10 +132,15 @@ class LineRegression(Regression):
         return float(whole), first, used
 
     def _reached(self, low_pass: LowPassFilter) -> Flags:
-        """Leave out a period of the cut-off at either end of the record, beyond which the body moves on."""
-        reached = super()._reached(low_pass)
-        reach = math.ceil(self.rate_hz / low_pass.cutoff_hz)
-        reached[:reach] = reached[-reach:] = False
+        """Leave out a period of the cut-off at either end of the record, beyond which the body moves on.
+
+        Of what was differentiated two, and of its own record: its noise is largest where it ends.
+        """
+        reached, known = super()._reached(low_pass), np.flatnonzero(self.trusted)
+        felt = self.motion_role == "recoil_acceleration"
+        reach = math.ceil((1 if felt else 2) * self.rate_hz / low_pass.cutoff_hz)
+        ends = (0, reached.size) if felt or not known.size else (int(known[0]), int(known[-1]) + 1)
+        reached[: ends[0] + reach] = reached[max(ends[1] - reach, 0) :] = False
         return reached
 
 
