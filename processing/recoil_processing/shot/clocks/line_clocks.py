@@ -22,6 +22,7 @@ from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_processing.alignment.align import LEAST_CORRELATION, failed_alignment, judge_redundant
 from recoil_processing.alignment.redundant_alignment import Beside, RedundantFit, align_redundant
 from recoil_processing.filters import LowPass
+from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.outliers import agreeing
 from recoil_processing.shot.clocks.force_clocks import METHOD, MOST_OFF
@@ -83,28 +84,17 @@ def align_by_forces(
     own = _sound(own, fired)
     changes_s = changes_in_s(net_n, signals.step_s)
     beside = _frictions(fired, own, one.times_s, forces, SPEED_CHANGES / changes_s)
-    rate_hz = min(own.time_base.rate_hz, signals.rate_hz)
-    widest_hz = min(WIDEST_HZ, WIDEST_SHARE * rate_hz)
-    fits = [
-        align_redundant(
-            one.times_s,
-            own.measured,
-            signals.start_s,
-            signals.step_s,
-            net_n / mechanism.m3,
-            drift_allowance=drift_allowance,
-            cutoff_hz=widest_hz / 2.0**halving,
-            derivative=DERIVATIVES[own.quantity],
-            source_filter=anti_alias_filter(fired.rig.channel(own.name).sensor),
-            beside=beside,
-        )
-        for halving in range(HALVINGS)
-    ]
-    sound = [fit for fit in fits if isinstance(fit, RedundantFit) and math.isfinite(fit.u_offset_s)]
-    alike = [fit for fit in sound if fit.correlation >= LEAST_CORRELATION]
-    fit: RedundantFit | str = fits[0]
-    if sound:
-        fit = min(alike, key=lambda one: one.u_offset_s) if alike else max(sound, key=lambda one: one.correlation)
+    fit = fit_to_forces(
+        one.times_s,
+        own.measured,
+        own.quantity,
+        signals.start_s,
+        signals.step_s,
+        net_n / mechanism.m3,
+        drift_allowance=drift_allowance,
+        source_filter=anti_alias_filter(fired.rig.channel(own.name).sensor),
+        beside=beside,
+    )
     judged = judge_redundant(clock, fit, method=METHOD, most_u_s=MOST_CHANGE * changes_s)
     if isinstance(fit, str):
         return judged
@@ -117,6 +107,62 @@ def align_by_forces(
         )
         judged = replace(judged, status="ambiguous", reasons=(*judged.reasons, doubt))
     return with_chains(judged, [(own, one), (other, two)], one.u_s, two.u_s)
+
+
+def fit_to_forces(
+    times_s: Array,
+    samples: Array,
+    quantity: str,
+    start_s: float,
+    step_s: float,
+    driven: Array,
+    *,
+    drift_allowance: float,
+    source_filter: AnalogLowPass | None = None,
+    beside: Beside | None = None,
+) -> RedundantFit | str:
+    """Find the clock of a motion by what drives it, behind the low-pass at which it is told best.
+
+    Parameters
+    ----------
+    times_s, samples : ndarray, shape (n_source,)
+        Times on the motion's clock, and samples; lost ones NaN.
+    quantity
+        Key of `DERIVATIVES`.
+    start_s, step_s
+        Time base of the forces.
+    driven : ndarray, shape (n_reference,)
+        All that drives less all that resists, over any mass.
+    drift_allowance, source_filter, beside
+        As of `align_redundant`.
+
+    Returns
+    -------
+    RedundantFit or str
+        A sentence where the two cannot be aligned.
+    """
+    slowest_s = max(float(np.median(np.diff(times_s))), step_s)
+    widest_hz = min(WIDEST_HZ, WIDEST_SHARE / slowest_s)
+    fits = [
+        align_redundant(
+            times_s,
+            samples,
+            start_s,
+            step_s,
+            driven,
+            drift_allowance=drift_allowance,
+            cutoff_hz=widest_hz / 2.0**halving,
+            derivative=DERIVATIVES[quantity],
+            source_filter=source_filter,
+            beside=beside,
+        )
+        for halving in range(HALVINGS)
+    ]
+    sound = [fit for fit in fits if isinstance(fit, RedundantFit) and math.isfinite(fit.u_offset_s)]
+    alike = [fit for fit in sound if fit.correlation >= LEAST_CORRELATION]
+    if alike:
+        return min(alike, key=lambda one: one.u_offset_s)
+    return max(sound, key=lambda one: one.correlation) if sound else fits[0]
 
 
 def _sound(channel: Channel, fired: FiredShot) -> Channel:

@@ -90,7 +90,7 @@ def test_a_scale_that_is_wrong_is_doubted(scale: float, tmp_path: Path) -> None:
 
 
 def lag(order: int, sizes: tuple[float, float], u: tuple[float, float]) -> RedundantFit:
-    """Align a motion's integral of an order that a force drives against friction, 3 ms early, by what is known of it."""
+    """Align an integral of a motion that a force drives against friction, 3 ms early, by what is known of both."""
     rng, step_s, lag_s = np.random.default_rng(5), 1e-3, 3e-3
     times_s = step_s * np.arange(4000)
 
