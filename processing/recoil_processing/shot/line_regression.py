@@ -28,6 +28,8 @@ LEAST_SPACED = 24
 STANDS = 0.2
 """Share of the dry friction that is left, behind the filter, where a body on a line stands or turns."""
 
+MOST_ZERO = 0.01
+"""Share of the largest speed that its reading at rest may be off by: a friction turns within less."""
 BRIDGED_CHANGE = 0.25
 """Share of the time in which the forces change for which a travel needs no frame: it is smoother than they by two
 integrals."""
@@ -159,6 +161,12 @@ def line_motion(signals: Signals, rig: Rig) -> LineMotion:
             np.sum([bridge(one, otherwise=0.0) for one in forces], axis=0), signals.step_s
         )
         series["recoil_displacement"] = bridged_smoothly(series["recoil_displacement"], int(longest_s / signals.step_s))
+    if "recoil_velocity" in series and signals.in_baseline.any():
+        speed = series["recoil_velocity"]
+        level = float(np.nanmedian(speed[signals.in_baseline]))
+        # what coasts is no zero
+        if abs(level) < MOST_ZERO * float(np.nanmax(np.abs(speed))):
+            series["recoil_velocity"] = speed - level
     static = rig.mechanism.at_rest.get("recoil_acceleration", 0.0)
     offset = signals.offsets.get("recoil_acceleration")
     u_zero = 0.0 if offset is None else offset.u
