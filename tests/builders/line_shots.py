@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +91,19 @@ def of_the_page(marker: str) -> Rig:
 def hammer() -> Rig:
     """Return the rig of a drop tower."""
     return parse_rig(HAMMER, Path("drop-tower.toml"))
+
+
+def drop_tower(noise: float = 0.0005) -> Rig:
+    """Return the drop tower with a blow of a millisecond, and its rebound, in a record of a second."""
+    rig = with_settings(
+        hammer(),
+        {
+            "start_m_s": 0.5, "pre_trigger_s": 0.3, "buffer_from_m": 0.59, "duration_s": 1.0, "sample_rate_hz": 20e3,
+            "noise": noise,
+        },
+    )  # fmt: skip
+    # what flies is held by nothing
+    return replace(rig, mechanism=replace(rig.mechanism, unread_force=2e-5))
 
 
 def sled_without_camera() -> Rig:

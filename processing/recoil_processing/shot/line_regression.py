@@ -14,7 +14,8 @@ import numpy as np
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.filters import LowPassFilter
-from recoil_processing.gaps import bridge, bridged_smoothly, runs_of
+from recoil_processing.gaps import bridge, bridged_smoothly, near, runs_of
+from recoil_processing.shot.blow import Blow
 from recoil_processing.shot.line_motion import LineMotion, changes_in_s
 from recoil_processing.shot.regression import LEAST_ROWS, LONGEST_SHARE, Regression, refuse_lost
 from recoil_processing.shot.signals import Signals
@@ -45,11 +46,14 @@ class LineRegression(Regression):
         Speed and place, behind no filter.
     turning_n
         Dry friction, which turns with the motion.
+    blow
+        Blows in a long record, which alone tell the mass; None where it is driven throughout.
     """
 
     speed_m_s: Array
     travel_m: Array
     turning_n: float = 0.0
+    blow: Blow | None = None
 
     recoils_once = False
     least_identified = 0.0  # it coasts between its drives, and nothing tells a mass then
@@ -60,6 +64,14 @@ class LineRegression(Regression):
     made_of = "all that drives less all that resists and friction"
     scales = ("the scale of what drives", "what no gauge reads of what resists")
     may_change = "mass or friction"
+
+    @property
+    def inside(self) -> Flags:
+        """Samples of the identification interval, shape (n,).
+
+        Of blows in a long record those alone: beside them there is noise of force and motion, and it has a mass, too.
+        """
+        return super().inside if self.blow is None else np.asarray(super().inside & self.blow.flags)
 
     @property
     def acts(self) -> Flags:
@@ -128,8 +140,7 @@ class LineRegression(Regression):
         lacking = LEAST_SPACED - int(count / whole)
         if lacking > 0:
             around = whole * -(-lacking // 2)
-            used = self.trusted.copy()
-            used[first + count + around :] = False
+            used = self.trusted & near(self.inside, around)
             first = max(first - around, first % whole)
         return float(whole), first, used
 
@@ -205,6 +216,11 @@ def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> LineRegre
     speed = np.where(motion.driven, motion.velocity_m_s, 0.0)
     columns = [force.sign * force.per_reading * s[force.name] for force in rig.forces]
     forces = np.column_stack([*columns, whole * (m.friction * direction - m.slide_friction * speed)])
+    read = np.sum([bridge(column, otherwise=0.0) for column in columns], axis=0)
+    blow = Blow.of(read, inside, signals.rate_hz)
+    interval_s = motion.interval_s
+    if blow is not None:
+        interval_s = tuple(signals.times_s[np.flatnonzero(blow.flags)[[0, -1]]].tolist())
     released = motion.driven.astype(np.float64)
     static = m.at_rest.get("recoil_acceleration", 0.0)
     forces = np.where(motion.driven[:, np.newaxis], forces, 0.0)
@@ -218,7 +234,7 @@ def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> LineRegre
         friction_direction=direction,
         release_per_s=np.zeros(speed.size),
         trusted=np.isfinite(acceleration) & np.isfinite(forces).all(axis=1),
-        interval_s=motion.interval_s,
+        interval_s=interval_s,
         release_n_s=0.0,
         u_release_n_s=0.0,
         gauges=tuple(force.name for force in rig.forces),
@@ -226,5 +242,6 @@ def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> LineRegre
         motion_role=motion.role,
         speed_m_s=speed,
         travel_m=motion.travel_m,
+        blow=blow,
         turning_n=whole * math.hypot(m.friction, m.u.get("friction", 0.0)),
     )
