@@ -33,11 +33,11 @@ from recoil_identification.inference.solve import MOST_STEPS, solve
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.camera_rows import LATE, OTHER, OTHER_ZERO, RATE, START, CameraRows
-from recoil_identification.rows.causes import Cause
+from recoil_identification.rows.causes import DISTORTIONS, Cause
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.late_readings import GAS
 from recoil_identification.rows.row_noise import RowNoise
-from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE, ZERO
+from recoil_identification.rows.sensor_priors import RELEASE, ZERO
 from recoil_identification.rows.travel_rows import ForcedTravel, TravelRows
 from recoil_processing.noise import welch_satterthwaite
 from recoil_processing.shot.error_source import ErrorSource, SourceKind

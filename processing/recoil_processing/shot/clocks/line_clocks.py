@@ -25,7 +25,7 @@ from recoil_processing.filters import LowPass
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.outliers import agreeing
-from recoil_processing.shot.clocks.force_clocks import METHOD, MOST_OFF
+from recoil_processing.shot.clocks.force_clocks import METHOD, MOST_OFF, bent_m
 from recoil_processing.shot.instants import anti_alias_filter, instants, with_chains
 from recoil_processing.shot.line_motion import SMOOTH_SHARE, LineMotion, changes_in_s
 from recoil_processing.shot.sensor_scales import scale_uncertainty
@@ -106,7 +106,10 @@ def align_by_forces(
             "wrong scale"
         )
         judged = replace(judged, status="ambiguous", reasons=(*judged.reasons, doubt))
-    return with_chains(judged, [(own, one), (other, two)], one.u_s, two.u_s)
+    # what moves at v is seen u / v early or late by optics that bend its travel by u
+    fastest_m_s = float(np.max(np.abs(beside.columns[:, 1]))) * mechanism.m3 / (1.0 + mechanism.unread_share)
+    optics_s = bent_m(fired, own) / fastest_m_s
+    return with_chains(judged, [(own, one), (other, two)], math.hypot(one.u_s, optics_s), two.u_s)
 
 
 def fit_to_forces(
