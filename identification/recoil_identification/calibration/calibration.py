@@ -110,6 +110,14 @@ class Calibration(ReadOnlyArrays):
         return _joined(self.block, self.camera, self.correlation)
 
     @property
+    def by_rows(self) -> MassEstimate:
+        """The estimate by the noise of its rows alone, without what the stretches of a line's record add."""
+        random, *others = self.estimate.budget
+        u_kg = math.sqrt(max(random.u_kg**2 - (self.misfit * self.estimate.mass_kg) ** 2, 0.0))
+        row = replace(random, u_kg=u_kg, degrees_of_freedom=self.noise.degrees_of_freedom)
+        return replace(self.estimate, budget=(row, *others)) if self.misfit else self.estimate
+
+    @property
     def is_by_camera(self) -> bool:
         """Whether frames stand in the place of the motion's rows."""
         return isinstance(self.camera, ForcedTravel)

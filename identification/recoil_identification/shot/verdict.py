@@ -145,9 +145,11 @@ def _against_what_hides(calibration: Calibration, constancy: MassConstancy | Non
     # a mean of a mass that drifts is moved by a part of the drift, and that is what one number means
     if constancy is None or not constancy.constant or abs(constancy.moved_by_drift) <= 1.0:
         return
-    drift, estimate = constancy.could_hide_percent["drift"], calibration.estimate
+    drift = constancy.could_hide_percent["drift"]
     moved = abs(constancy.moved_by_drift) * drift
-    expanded = 100 * estimate.coverage_factor * estimate.u_kg / estimate.mass_kg
+    # stretches that differ are what a drift makes of them: they do not excuse it
+    by_rows = calibration.by_rows
+    expanded = 100 * by_rows.coverage_factor * by_rows.u_kg / by_rows.mass_kg
     if moved > expanded:
         yield Reason(
             ReasonCode.HIDDEN_DRIFT,

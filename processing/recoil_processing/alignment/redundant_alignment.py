@@ -161,7 +161,8 @@ def align_redundant(
     grid_step = 1.0 / (GRID_PER_PERIOD * low_pass.cutoff_hz)
     grid, smooth, trusted = _smoothed(t, y, low_pass, grid_step, derivative=derivative)
     target = low_pass.apply(reference, 1.0 / step_s)
-    columns, parts, u = None, (), None
+    columns, u = None, None
+    parts: tuple[Array, ...] = ()
     if beside is not None:
         columns = _smoothed(t, beside.columns[present], low_pass, grid_step, derivative=0)[1]
         parts, u = tuple(low_pass.apply(part, 1.0 / step_s) for part in beside.parts.T), beside.u
