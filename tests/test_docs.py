@@ -206,8 +206,9 @@ def test_the_rig_of_the_example_has_no_fault(tmp_path: Path) -> None:
     assert "no fault" in done.output
 
 
-def test_the_line_of_the_example_has_no_fault(tmp_path: Path) -> None:
-    (text,) = blocks(DOCS / "line-rigs.md", "toml", "line")
+@pytest.mark.parametrize("marker", ["line", "cell and camera", "cell and servo"])
+def test_the_line_of_the_example_has_no_fault(tmp_path: Path, marker: str) -> None:
+    (text,) = blocks(DOCS / "line-rigs.md", "toml", marker)
     (tmp_path / "line.toml").write_text(text, encoding="utf-8")
     done = CliRunner().invoke(app, ["check", str(tmp_path / "line.toml")])
     assert done.exit_code == 0, done.output

@@ -49,6 +49,28 @@ def bridge(samples: Array, *, otherwise: float | None = None) -> Array:
     return values
 
 
+def bridged_smoothly(samples: Array, most: int) -> Array:
+    """Bridge short gaps of a smooth motion by a cubic through all that is there, shape (n,); longer ones stay.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Samples, evenly spaced; lost ones are NaN.
+    most
+        Samples of the longest gap that is bridged.
+    """
+    lost, present = np.isnan(samples), np.flatnonzero(np.isfinite(samples))
+    if not lost.any() or present.size < 4:
+        return samples
+    from scipy.interpolate import CubicSpline
+
+    whole, curve = np.array(samples, dtype=np.float64), CubicSpline(present, samples[present])
+    for first, stop in runs_of(lost):
+        if stop - first <= most and first > 0 and stop < samples.size:
+            whole[first:stop] = curve(np.arange(first, stop))
+    return whole
+
+
 def near(flags: Flags, reach: int) -> Flags:
     """Spread flags by a number of samples to either side.
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_processing.noise import noise_sigma
 
 LIMIT_SIGMA = 6.0
 """Standard deviations of the difference to what the neighbours predict: one in 5e8 frames exceeds it by chance."""
@@ -91,6 +92,22 @@ def contradicting(times_s: Array, positions: Array, residual: Array, sigma: floa
     fresh = np.flatnonzero(~odd)
     odd[fresh[isolated_outliers(times_s[fresh], residual[fresh], sigma)]] = True
     return odd
+
+
+def agreeing(times_s: Array, positions: Array) -> Array:
+    """Return positions, those that contradict their neighbours lost, shape (n,); the motion between frames is smooth.
+
+    Parameters
+    ----------
+    times_s, positions : ndarray, shape (n,)
+        Times, strictly increasing, and positions; lost ones NaN.
+    """
+    seen = np.flatnonzero(np.isfinite(positions))
+    known, sound = positions[seen], np.array(positions, dtype=np.float64)
+    sigma = noise_sigma(known)
+    if sigma > 0:
+        sound[seen[contradicting(times_s[seen], known, known, sigma)]] = np.nan
+    return sound
 
 
 def _worst(times_s: Array, values: Array, sigma: float, at: NDArray[np.int64]) -> float:

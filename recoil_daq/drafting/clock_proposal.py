@@ -16,9 +16,11 @@ import numpy as np
 from recoil_acquisition.clocks.timebase import usual_step_s
 from recoil_acquisition.quantities.quantity import UNITS, Unit
 from recoil_daq.drafting.recorded_source import PIXELS, RecordedSignal
+from recoil_processing.alignment.align import LEAST_CORRELATION as SAME_MOTION
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.redundant_alignment import align_redundant
 from recoil_processing.noise import noise_sigma
+from recoil_processing.shot.clocks.line_clocks import fit_to_forces
 
 LEAST_CORRELATION = 0.9
 """Correlation from which on a signal repeats another, and a motion is the same."""
@@ -205,6 +207,41 @@ def by_motion(travel: RecordedSignal, acceleration: RecordedSignal) -> ClockProp
             reason = f"{travel.name} is the motion that {acceleration.name} feels, correlation {fit.correlation:.3f}"
             align = {"method": "motion", "against": acceleration.key}
             return ClockProposal(align, (travel.key, acceleration.key), reason)
+    return None
+
+
+def by_forces(
+    motions: Sequence[RecordedSignal], forces: Sequence[tuple[RecordedSignal, float]]
+) -> ClockProposal | None:
+    """Align a source by a motion that the forces of the reference clock drive; None if they drive another one.
+
+    Parameters
+    ----------
+    motions
+        Signals of the source, the one that tells most first.
+    forces
+        Signals of one record of the reference clock, each with its sign, that which stands for all first.
+    """
+    step_s = _step_s(forces[0][0]) if forces else None
+    alike = [(one, sign) for one, sign in forces if one.base.same_instants(forces[0][0].base)]
+    net = np.sum([sign * one.samples() for one, sign in alike], axis=0)
+    if step_s is None or not np.all(np.isfinite(net)):
+        return None
+    for motion in motions:
+        if motion.unit.casefold() in PIXELS:
+            continue
+        try:
+            fit = fit_to_forces(
+                motion.times_s(), motion.samples(), motion.quantity, float(forces[0][0].base.start_s), step_s, net,
+                drift_allowance=_DRIFT,
+            )  # fmt: skip
+        except ValueError:
+            continue
+        if not isinstance(fit, str) and fit.correlation >= SAME_MOTION and fit.gain > 0:
+            against = forces[0][0]
+            reason = f"{motion.name} is the motion that {against.name} drives, correlation {fit.correlation:.3f}"
+            align = {"method": "motion", "against": against.key}
+            return ClockProposal(align, (motion.key, against.key), reason)
     return None
 
 

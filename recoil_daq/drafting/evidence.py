@@ -9,15 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.quantities.quantity import SI_UNITS, UNITS, find_unit
-from recoil_daq.drafting.clock_proposal import ClockProposal, Twin, by_motion, by_twin, find_twins
+from recoil_daq.drafting.clock_proposal import ClockProposal, Twin, by_forces, by_motion, by_twin, find_twins
 from recoil_daq.drafting.line_clocks import by_exposure, by_trigger
 from recoil_daq.drafting.other_rig import OtherRig
 from recoil_daq.drafting.recorded_source import RecordedSignal, RecordedSource, with_swing
 from recoil_daq.drafting.role_proposal import ProposedRoles, RoleProposal, propose_roles
 from recoil_daq.drafting.role_words import quantity_by_name, role_by_name
+from recoil_rigs.checks.rig_alignments import DRIVEN
 from recoil_rigs.mechanism.mechanism_parameters import MechanismModel
 from recoil_rigs.tables.certificate_table import Certificate, certificate_for
-from recoil_rigs.tables.rig_tables import ROLES
+from recoil_rigs.tables.rig_tables import FORCE_ROLES, ROLES
 from recoil_rigs.tables.sensitivity import OUTPUTS, Sensitivity, output_from_text, sensitivity_from_text
 
 USUAL_NAME = "rig.toml"
@@ -332,6 +333,14 @@ def _clock(
     travels = [one for one in own if one.key in roles.by_signal and one.quantity == "displacement"]
     if travels and feels is not None and feels.source != source.name:
         found = by_motion(travels[0], feels)
+        if found is not None:
+            return found
+    role_of = {key: one.role for key, one in roles.by_signal.items()}
+    motions = [one for role in DRIVEN[FORCE_ROLES[0]] for one in own if role_of.get(one.key) == role]
+    signs = zip(FORCE_ROLES, (1.0, -1.0), strict=True)
+    forces = [(one, sign) for role, sign in signs for one in of_reference if role_of.get(one.key) == role]
+    if motions and forces:
+        found = by_forces(motions, forces)
         if found is not None:
             return found
     return by_trigger(own, of_reference)

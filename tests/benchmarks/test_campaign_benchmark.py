@@ -36,7 +36,7 @@ from recoil_identification.campaign.combination import combine
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.inference.solve import solve
 from recoil_identification.rows.camera_rows import OTHER
-from recoil_identification.rows.sensor_priors import DISTORTIONS
+from recoil_identification.rows.causes import DISTORTIONS
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_rigs.rig import Rig

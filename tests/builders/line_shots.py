@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -81,9 +81,29 @@ buffer_n_m = 1.184e8
 """A hammer that falls upon an anvil, whose stiffness throws it back within a millisecond."""
 
 
+def of_the_page(marker: str) -> Rig:
+    """Return a rig of the page on lines: `cell and servo`, or `cell and camera`."""
+    page = (Path(__file__).parents[2] / "docs" / "line-rigs.md").read_text(encoding="utf-8")
+    text = page.partition(f"<!-- {marker} -->\n```toml\n")[2].partition("```")[0]
+    return parse_rig(text, Path("rig.toml"))
+
+
 def hammer() -> Rig:
     """Return the rig of a drop tower."""
     return parse_rig(HAMMER, Path("drop-tower.toml"))
+
+
+def drop_tower(noise: float = 0.0005) -> Rig:
+    """Return the drop tower with a blow of a millisecond, and its rebound, in a record of a second."""
+    rig = with_settings(
+        hammer(),
+        {
+            "start_m_s": 0.5, "pre_trigger_s": 0.3, "buffer_from_m": 0.59, "duration_s": 1.0, "sample_rate_hz": 20e3,
+            "noise": noise,
+        },
+    )  # fmt: skip
+    # what flies is held by nothing
+    return replace(rig, mechanism=replace(rig.mechanism, unread_force=2e-5))
 
 
 def sled_without_camera() -> Rig:

@@ -21,6 +21,7 @@ import numpy as np
 
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.numerics.read_only import ReadOnlyArrays
+from recoil_identification.calibration.stretches import largest_misfit
 from recoil_identification.estimate.budget import BudgetRow, with_shapes_together
 from recoil_identification.estimate.mass import FRICTION, RANDOM, MassEstimate
 from recoil_identification.estimate.monte_carlo import Draw
@@ -33,12 +34,13 @@ from recoil_identification.inference.solve import MOST_STEPS, solve
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.camera_rows import LATE, OTHER, OTHER_ZERO, RATE, START, CameraRows
-from recoil_identification.rows.causes import Cause
+from recoil_identification.rows.causes import DISTORTIONS, Cause
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.late_readings import GAS
 from recoil_identification.rows.row_noise import RowNoise
-from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE, ZERO
+from recoil_identification.rows.sensor_priors import RELEASE, ZERO
 from recoil_identification.rows.travel_rows import ForcedTravel, TravelRows
+from recoil_processing.noise import welch_satterthwaite
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
 
@@ -83,6 +85,8 @@ class Calibration(ReadOnlyArrays):
     camera
         Rows of its frames, if there are any: beside those of the motion, or in their place where the forces alone tell
         it.
+    misfit
+        Standard deviation of the mass's logarithm from stretch to stretch of a line's record, beside its rows' noise.
     """
 
     estimate: MassEstimate
@@ -94,6 +98,7 @@ class Calibration(ReadOnlyArrays):
     correlation: Correlation | None = None
     further: tuple[LinearBlock, ...] = ()
     camera: CameraRows | ForcedTravel | None = None
+    misfit: float = 0.0
 
     @property
     def m0_kg(self) -> float:
@@ -104,6 +109,14 @@ class Calibration(ReadOnlyArrays):
     def rows(self) -> JointBlock:
         """The rows of the motion, those of the camera after them."""
         return _joined(self.block, self.camera, self.correlation)
+
+    @property
+    def by_rows(self) -> MassEstimate:
+        """The estimate by the noise of its rows alone, without what the stretches of a line's record add."""
+        random, *others = self.estimate.budget
+        u_kg = math.sqrt(max(random.u_kg**2 - (self.misfit * self.estimate.mass_kg) ** 2, 0.0))
+        row = replace(random, u_kg=u_kg, degrees_of_freedom=self.noise.degrees_of_freedom)
+        return replace(self.estimate, budget=(row, *others)) if self.misfit else self.estimate
 
     @property
     def is_by_camera(self) -> bool:
@@ -369,6 +382,8 @@ class Calibration(ReadOnlyArrays):
 
         def draw(rng: np.random.Generator, count: int) -> Array:
             logs = self.inferred.draws(motion.MASS.name, rng, count, degrees_of_freedom)
+            if self.misfit:
+                logs += self.misfit * rng.standard_normal(count)
             # so far off no model holds that is linear in the logarithms
             logs[np.abs(logs - self.inferred.value(motion.MASS.name)) > FURTHEST_DRAW] = np.nan
             return np.asarray(self.m0_kg * np.exp(logs))
@@ -423,7 +438,10 @@ def calibration_of(
     inferred = solve(all_unknowns(block, joined, priors, unknowns), [joined, *further], priors)
     mass = block.m0_kg * math.exp(inferred.value(motion.MASS.name))
     random_kg = mass * inferred.u_random(motion.MASS.name)
-    budget = [BudgetRow(RANDOM, random_kg, "A", degrees_of_freedom=noise.degrees_of_freedom)]
+    misfit, misfit_freedom = _misfit(block, joined, inferred)
+    parts = ((random_kg, noise.degrees_of_freedom), (mass * misfit, misfit_freedom))
+    freedom_of_random = welch_satterthwaite(parts) if misfit else noise.degrees_of_freedom
+    budget = [BudgetRow(RANDOM, math.hypot(random_kg, mass * misfit), "A", degrees_of_freedom=freedom_of_random)]
     stated = {source: ("B", "1") for prior in common for source in prior.sources}
     stated |= {source: ("B", unit) for source, unit in UNITS.items()}
     about = [(prior, known[name]) for prior in own for name in prior.unknowns[:1] if name in known]
@@ -457,7 +475,21 @@ def calibration_of(
         correlation=correlation,
         further=further,
         camera=camera,
+        misfit=misfit,
     )
+
+
+def _misfit(block: EquationOfMotion, joined: JointBlock, inferred: Estimate) -> tuple[float, float]:
+    """Return what the stretches of a line's record add to the logarithm of its mass, and its degrees of freedom."""
+    regression = block.regression
+    if regression.recoils_once:
+        return 0.0, math.inf
+    left, derivatives = joined.linearised({one.name: inferred.value(one.name) for one in inferred.unknowns})
+    names = [one.name for one in inferred.unknowns]
+    places = [names.index(name) for name in joined.unknowns]
+    influence = derivatives @ inferred.covariance[names.index(motion.MASS.name), places]
+    n = block.rows.size
+    return largest_misfit(regression.times_s[block.rows], influence[:n], left[:n], regression.stroke_s)
 
 
 def _joined(

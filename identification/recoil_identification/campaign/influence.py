@@ -11,9 +11,9 @@ from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.estimate.mass import FRICTION
 from recoil_identification.rows.breech_chain import chain_source
 from recoil_identification.rows.camera_rows import OTHER
-from recoil_identification.rows.causes import delay_of_gauge
+from recoil_identification.rows.causes import DISTORTIONS, delay_of_gauge
 from recoil_identification.rows.known_forces import declared_source
-from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE
+from recoil_identification.rows.sensor_priors import RELEASE
 from recoil_identification.rows.unread_resistance import SHARE, SLIDE
 from recoil_identification.shot.shot_summary import OF_SENSOR, OF_SHAPE, OF_STANDARD
 from recoil_processing.shot.error_source import ErrorSource, SourceKind

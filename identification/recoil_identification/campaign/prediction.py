@@ -28,7 +28,7 @@ from recoil_identification.campaign.joint_fit import JointFit, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.campaign.mechanisms import UNNAMED
 from recoil_identification.rows.camera_rows import OTHER
-from recoil_identification.rows.sensor_priors import DISTORTIONS
+from recoil_identification.rows.causes import DISTORTIONS
 from recoil_identification.shot.shot_summary import (
     OF_SENSOR,
     UNREAD_FORCE,

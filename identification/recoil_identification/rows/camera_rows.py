@@ -25,8 +25,7 @@ from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
-from recoil_identification.rows.causes import Cause
-from recoil_identification.rows.sensor_priors import DISTORTIONS
+from recoil_identification.rows.causes import DISTORTIONS, Cause
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.gaps import bridge
 from recoil_processing.picture_bends import picture_bends

@@ -23,6 +23,9 @@ from recoil_identification.inference.unknown import Prior, Scope, Unknown
 from recoil_processing.double_integral import integrate
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
+from recoil_processing.motion.derivative import second_derivative
+from recoil_processing.picture_bends import picture_bends
+from recoil_processing.shot.clocks.force_clocks import METHOD as BY_FORCE
 from recoil_processing.shot.clocks.forced_recoil import RATE_ROLES, ForcedRecoil
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.gauge_zero import MOVES_S, moving_zero_pa, zero_moves
@@ -47,9 +50,13 @@ SKEW = ErrorSource(SourceKind.SKEW)
 NO_CARRIAGE_RATE = ErrorSource(SourceKind.NOT_RECORDED, "carriage_rate")
 """Source of error where a gyro of the rig was not recorded: the share of the tipping part's turning that the carriage
 may have had."""
+DISTORTIONS = tuple(ErrorSource(SourceKind.PICTURE, detail=shape) for shape in ("bow", "S"))
+"""Shapes in which optics bend the picture: names of their sizes, m, and sources of their budget rows."""
 U_SKEW_S = 5e-5
 """Standard uncertainty of the delay between the chains of acceleration and force, beyond what was corrected: the rows
 tell it to a microsecond or two, and would be asked twice if what was found from them before were believed."""
+ASKED_TWICE = 10.0
+"""Factor on the uncertainty of a clock that these very rows were asked for: what they tell they tell here."""
 U_DELAY_S = 2e-5
 """Standard uncertainty of a gauge's delay where the rig declares none."""
 SLOPE_HZ, MOST_OF_RATE = 300.0, 0.2
@@ -183,6 +190,7 @@ def causes_of(
             found.append(Cause(source, "1", 1.0, "B", of_gauge(source.of, error), unmoved))
         elif source.of == motion_role:
             found.append(Cause(source, "1", 1.0, "B", none, error))
+    found += _bent(regression, fired, motion_role, none)
     # a recording that is late by dt lacks dt times its slope
     slopes_n_s = _slopes_n_s(regression, recorded)
     jerk_m_s3 = np.gradient(regression.acceleration_m_s2, regression.step_s)
@@ -191,6 +199,8 @@ def causes_of(
     clocks = [[channel.time_base.clock for channel in of_role] for of_role in channels]
     for clock in sorted({clock for of_role in clocks for clock in of_role} - {fired.shot.reference_clock}):
         u_s = fired.alignments[clock].u_offset_s
+        if fired.alignments[clock].method == BY_FORCE and not regression.recoils_once:
+            u_s *= ASKED_TWICE
         if math.isfinite(u_s) and u_s > 0:
             # of the mean of several gauges some may be on it
             on_it = np.array([of_role.count(clock) / max(len(of_role), 1) for of_role in clocks])
@@ -230,6 +240,19 @@ def causes_of(
     ]
     found.append(Cause(SKEW, "s", math.hypot(U_SKEW_S, jitter, *stated), "B", none, -jerk_m_s3))
     return tuple(found)
+
+
+def _bent(regression: Regression, fired: FiredShot, motion_role: str, none: Array) -> Iterator[Cause]:
+    """Yield what optics that bend a travel add to the acceleration of a body on a line that it alone tells."""
+    if regression.recoils_once or motion_role != "recoil_displacement":
+        return
+    travel, low_pass = regression.moved(regression.acceleration_m_s2)[1], regression.low_pass
+    smooth = travel if low_pass is None else low_pass.apply(travel, regression.rate_hz)
+    u_m = max(one.spec.sensor.u_bent_m for one in fired.roles[motion_role])
+    for number, (name, bend) in enumerate(zip(DISTORTIONS, picture_bends(smooth), strict=True)):
+        added = regression.released * second_derivative(bend, regression.step_s)
+        if u_m > 0:
+            yield Cause(name, "m", u_m / 2**number, "B", none, added)
 
 
 def _slopes_n_s(regression: Regression, recorded: Regression) -> Array:

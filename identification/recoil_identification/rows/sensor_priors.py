@@ -20,8 +20,6 @@ RELEASE = ErrorSource(SourceKind.RELEASE)
 CAMERA_SCALE = ErrorSource(SourceKind.CAMERA_SCALE)
 """Sources of the further budget rows."""
 
-DISTORTIONS = tuple(ErrorSource(SourceKind.PICTURE, detail=shape) for shape in ("bow", "S"))
-"""Shapes in which optics bend the picture: names of their sizes, m, and sources of their budget rows."""
 LEAST_OWN = 1e-9
 """Least uncertainty of a sensor's scale, relative, where its certificate leaves nothing beside its standard and its
 area."""

@@ -28,10 +28,10 @@ from recoil_identification.inference.correlation import Correlation
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.camera_rows import LATE, MEAN_S, RATE, START, U_START_M, picture_origin_m
+from recoil_identification.rows.causes import DISTORTIONS
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.motion_noise import CORRELATED
 from recoil_identification.rows.row_noise import walked
-from recoil_identification.rows.sensor_priors import DISTORTIONS
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.picture_bends import picture_bends
 from recoil_processing.shot.clocks.camera_track import CameraTrack

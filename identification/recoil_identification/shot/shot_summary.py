@@ -28,9 +28,9 @@ from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.breech_chain import OF_CHAIN
 from recoil_identification.rows.camera_rows import OTHER
-from recoil_identification.rows.causes import Cause, delay_of_gauge, u_delay_s
+from recoil_identification.rows.causes import DISTORTIONS, Cause, delay_of_gauge, u_delay_s
 from recoil_identification.rows.known_forces import declared_sources, declared_too_large
-from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
+from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_identification.rows.suspects import Suspect, columns_of
 from recoil_identification.rows.unread_resistance import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind

@@ -153,9 +153,11 @@ def _against_what_hides(calibration: Calibration, constancy: MassConstancy | Non
     # a mean of a mass that drifts is moved by a part of the drift, and that is what one number means
     if constancy is None or not constancy.constant or abs(constancy.moved_by_drift) <= 1.0:
         return
-    drift, estimate = 100 * HIDDEN_U * constancy.u_drift_rel, calibration.estimate
+    drift = 100 * HIDDEN_U * constancy.u_drift_rel
     moved = abs(constancy.moved_by_drift) * drift
-    expanded = 100 * estimate.coverage_factor * estimate.u_kg / estimate.mass_kg
+    # stretches that differ are what a drift makes of them: they do not excuse it
+    by_rows = calibration.by_rows
+    expanded = 100 * by_rows.coverage_factor * by_rows.u_kg / by_rows.mass_kg
     if moved > expanded:
         yield Reason(
             ReasonCode.HIDDEN_DRIFT,
@@ -323,7 +325,7 @@ def notes_on(fired: FiredShot, route: Route, trace: MassTrace) -> tuple[Note, ..
     size = route.calibration.noise.size
     if recorded.begins_in_motion(rested=signals.baseline_s[0] != signals.baseline_s[1]):
         text = (
-            "the record begins in motion: the noise at rest is that of its quietest part, and the zero of an "
+            "the record begins in motion: its noise is what the mass and the forces leave of it, and the zero of an "
             "accelerometer is known as its `u_zero_rel` says, to 1 % of its range if left out"
         )
         notes.append(Note(NoteCode.MOTION_NOISE, "shot", text))

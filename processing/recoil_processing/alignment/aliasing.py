@@ -35,7 +35,7 @@ def folded_samples(
     reference: Array,
     anti_alias: AnalogLowPass,
     *,
-    integral: bool = False,
+    integral: int = 0,
 ) -> Array:
     """Return what a source's samples would hold of the reference's content above half the source's sampling rate.
 
@@ -50,7 +50,7 @@ def folded_samples(
     anti_alias
         Anti-alias filter of the source.
     integral
-        Whether the source samples the reference's integral.
+        How often the reference is integrated to what the source samples.
 
     Returns
     -------
@@ -67,8 +67,7 @@ def folded_samples(
     if not above.any():
         return np.zeros((times_s.size, 0))
     spectrum = rfft(reference - np.median(reference), size) * above * anti_alias.gain(frequency)
-    if integral:
-        spectrum[above] /= 2j * np.pi * frequency[above]
+    spectrum[above] /= (2j * np.pi * frequency[above]) ** integral
     band = np.minimum(frequency * BANDS_PER_RATE / rate_hz, HIGHEST * BANDS_PER_RATE).astype(np.int64)
     power = np.bincount(band, weights=np.abs(spectrum) ** 2)
     bands = np.flatnonzero(power > LEAST_SHARE * power.sum())

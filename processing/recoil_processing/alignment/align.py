@@ -198,13 +198,21 @@ def judge_motion(
     return _judged(clock, fit, doubts, failures, method, details)
 
 
-def judge_redundant(clock: str, fit: RedundantFit | str, *, method: str = "redundant") -> ClockAlignment:
-    """Judge an alignment by a channel that repeats another, or its integral or derivative (method ``motion``)."""
+def judge_redundant(
+    clock: str, fit: RedundantFit | str, *, method: str = "redundant", most_u_s: float = MOST_U_OFFSET_S
+) -> ClockAlignment:
+    """Judge an alignment by a channel that repeats another, or its integral or derivative (method ``motion``).
+
+    Parameters
+    ----------
+    most_u_s
+        Uncertainty beyond which the offset is hardly known.
+    """
     if isinstance(fit, str):
         return failed_alignment(clock, method, fit)
     if not _finite(fit.offset_s, fit.u_offset_s, fit.drift, fit.gain, fit.u_gain):
         return failed_alignment(clock, method, "the fit gives no finite number: check both records for spikes")
-    doubts, failures = _common_doubts(fit)
+    doubts, failures = _common_doubts(fit, most_u_s=most_u_s)
     return _judged(clock, fit, doubts, failures, method, _figures(fit, OF_REPEAT))
 
 
@@ -260,7 +268,9 @@ def _most_drift(drift_allowance: float) -> float:
     return max(MOST_DRIFT, DRIFT_LIMIT_SIGMA * drift_allowance)
 
 
-def _common_doubts(fit: MotionFit | RedundantFit, drift_allowance: float = 0.0) -> tuple[list[str], list[str]]:
+def _common_doubts(
+    fit: MotionFit | RedundantFit, drift_allowance: float = 0.0, most_u_s: float = MOST_U_OFFSET_S
+) -> tuple[list[str], list[str]]:
     doubts: list[str] = []
     failures: list[str] = []
     if fit.correlation < LEAST_CORRELATION:
@@ -271,7 +281,7 @@ def _common_doubts(fit: MotionFit | RedundantFit, drift_allowance: float = 0.0) 
         )
     if fit.at_search_edge:
         doubts.append("the best offset lies at the edge of the search")
-    if fit.u_offset_s > MOST_U_OFFSET_S:
+    if fit.u_offset_s > most_u_s:
         doubts.append(hardly_known(fit.u_offset_s))
     if abs(fit.drift) > _most_drift(drift_allowance):
         doubts.append(_too_much_drift(fit.drift))

@@ -1,6 +1,7 @@
 """Lag of one low-passed signal behind another, with an uncertainty that holds for the few rows of a shot.
 
-``y_i = g r(t_i + shift + drift (t_i - origin)) + c`` is solved by Gauss-Newton. The uncertainty is the largest of
+``y_i = g r(t_i + shift + drift (t_i - origin)) + c`` is solved by Gauss-Newton; further columns, whose sizes are
+unknown but for what was known of them, may stand beside both. The uncertainty is the largest of
 
 - the curvature with the residual's variance, as if the residual were noise;
 - the sandwich covariance with the residuals where they occur: what two sensors do not have in common is largest in
@@ -15,7 +16,8 @@ moves the lag (`recoil_processing.alignment.aliasing`).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,6 +57,15 @@ class LagRows(ReadOnlyArrays):
 
     The clocks map by ``t_ref = t + shift + drift (t - origin)``: shift and drift are nearly independent
     wherever the source's clock has its zero.
+
+    Attributes
+    ----------
+    beside : ndarray, shape (n_rows, n_own)
+        Columns on the source's clock of what may be wrong with its values.
+    parts
+        Parts of the reference whose own shares of it may be off, as curves.
+    u : ndarray, shape (n_own + n_parts,)
+        Standard uncertainties of the columns' sizes, and of the parts' shares.
     """
 
     times_s: Array
@@ -64,6 +75,9 @@ class LagRows(ReadOnlyArrays):
     slope: PPoly
     first_s: float
     last_s: float
+    beside: Array
+    parts: tuple[PPoly, ...] = ()
+    u: Array = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def of(
@@ -76,6 +90,9 @@ class LagRows(ReadOnlyArrays):
         target: Array,
         target_trusted: Flags | None,
         low_pass: LowPass,
+        beside: Array | None = None,
+        parts: Sequence[Array] = (),
+        u: Array | None = None,
     ) -> LagRows:
         """Take rows of the source's grid, and the reference between its samples.
 
@@ -93,10 +110,15 @@ class LagRows(ReadOnlyArrays):
             All of it if left out. Where it is not, at the lag that the two are at already, rows are left out.
         low_pass
             Low-pass of both records; within its reach of the reference's ends no row is used.
+        beside : ndarray, shape (n_grid, n_own), optional
+        parts : sequence of ndarray, shape (n_reference,), optional
+        u : ndarray, shape (n_own + n_parts,), optional
+            As `beside`, `parts` and `u` of the rows, low-passed alike.
         """
         from scipy.interpolate import CubicSpline
 
-        curve = CubicSpline(start_s + step_s * np.arange(target.size), target)
+        times_s = start_s + step_s * np.arange(target.size)
+        curve = CubicSpline(times_s, target)
         end_s = start_s + step_s * (target.size - 1)
         at = np.arange(0, grid_s.size, STRIDE)
         sound = trusted[at]
@@ -106,7 +128,18 @@ class LagRows(ReadOnlyArrays):
         at = at[sound]
         reach = low_pass.reach_s
         origin = 0.5 * float(grid_s[0] + grid_s[-1])
-        return cls(grid_s[at], smooth[at], origin, curve, curve.derivative(), start_s + reach, end_s - reach)
+        return cls(
+            grid_s[at],
+            smooth[at],
+            origin,
+            curve,
+            curve.derivative(),
+            start_s + reach,
+            end_s - reach,
+            beside=np.zeros((at.size, 0)) if beside is None else beside[at],
+            parts=tuple(CubicSpline(times_s, part) for part in parts),
+            u=np.zeros(0) if u is None else u,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,11 +210,15 @@ def _step(rows: LagRows, shift_s: float, drift: float, drift_allowance: float) -
         return "the two records hardly overlap"
     since, values = rows.times_s[inside] - rows.origin_s, rows.values[inside]
     model, rate = rows.curve(mapped[inside]), rows.slope(mapped[inside])
-    gain = float(np.linalg.lstsq(np.column_stack([model, np.ones_like(model)]), values, rcond=None)[0][0])
-    design = np.column_stack([model, gain * rate, gain * rate * since, np.ones_like(model)])
+    own = np.column_stack([model, np.ones_like(model), rows.beside[inside]])
+    gain = float(np.linalg.lstsq(own, values, rcond=None)[0][0])
+    beside = np.column_stack([rows.beside[inside], *(gain * part(mapped[inside]) for part in rows.parts)])
+    design = np.column_stack([model, gain * rate, gain * rate * since, np.ones_like(model), beside])
     variance = _residual_variance(design, values)
-    prior = np.array([0.0, 0.0, math.sqrt(variance) / max(drift_allowance, 1e-12), 0.0])
-    full, target = np.vstack([design, prior]), np.append(values, -prior[2] * drift)
+    known = np.maximum([drift_allowance, *rows.u], 1e-12)
+    prior = np.zeros((known.size, design.shape[1]))
+    prior[np.arange(known.size), [2, *range(4, design.shape[1])]] = math.sqrt(variance) / known
+    full, target = np.vstack([design, prior]), np.concatenate([values, -prior[:, 2] * drift])
     scale = np.sqrt((full**2).sum(axis=0))
     if not np.all(scale > 0) or np.linalg.cond(full / scale) > MOST_CONDITION:
         return "the offset is not identifiable from what both records show"
@@ -189,7 +226,8 @@ def _step(rows: LagRows, shift_s: float, drift: float, drift_allowance: float) -
     solution = bread @ (full.T @ target)
     residual = values - design @ solution
     information = rate**2
-    pick = np.array([0.0, 1.0, float(np.average(since, weights=information)), 0.0])
+    pick = np.zeros(design.shape[1])
+    pick[1:3] = 1.0, float(np.average(since, weights=information))
     covariance = _covariance(design, residual, prior, variance, bread, pick)
     step = float(np.clip(solution[1], -LONGEST_STEP_S, LONGEST_STEP_S))
     u_shift, u_drift, u_gain = np.sqrt([pick @ covariance @ pick, covariance[2, 2], covariance[0, 0]]).tolist()
@@ -220,7 +258,7 @@ def _covariance(design: Array, residual: Array, prior: Array, variance: float, b
     products = design * (residual / np.sqrt(np.maximum(1.0 - leverage, LEAST_HIDDEN)))[:, None]
     best = bread * variance
     for rows in CORRELATED_ROWS:
-        scores = products.T @ products + variance * np.outer(prior, prior)
+        scores = products.T @ products + variance * prior.T @ prior
         for lag in range(1, rows + 1):
             cross = products[lag:].T @ products[:-lag]
             scores += (1.0 - lag / (rows + 1)) * (cross + cross.T)

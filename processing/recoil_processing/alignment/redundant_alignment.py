@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from recoil_acquisition.numerics.arrays import Array, Flags
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.time.bursts import find_bursts
 from recoil_processing.alignment.aliasing import folded_samples, usual_filter
 from recoil_processing.alignment.correlation import coarse_lag
@@ -33,6 +34,31 @@ LEAST_SAMPLES = 50
 """Number of samples below which, on either side, two records are not compared."""
 LONGEST_GAP = 0.5
 """Periods of the cut-off beyond which nothing is interpolated: it takes two samples per period."""
+
+
+@dataclass(frozen=True, eq=False)
+class Beside(ReadOnlyArrays):
+    """What acts on a source beside its reference: of known form, of a size that is more or less known.
+
+    Attributes
+    ----------
+    columns : ndarray, shape (n_source, n_own)
+        What a size of one adds to what repeats the reference, at the source's samples.
+    sizes : ndarray, shape (n_own,)
+        Sizes as they are known.
+    parts : ndarray, shape (n_reference, n_parts)
+        Parts of the reference whose own scales may be off.
+    u : ndarray, shape (n_own + n_parts,)
+        Standard uncertainties of the sizes, and of these scales.
+    counts : ndarray of bool, shape (n_source,)
+        Samples that the form holds of.
+    """
+
+    columns: Array
+    sizes: Array
+    parts: Array
+    u: Array
+    counts: Flags
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +113,9 @@ def align_redundant(
     *,
     drift_allowance: float,
     cutoff_hz: float | None = None,
-    derivative: bool = False,
+    derivative: int = 0,
     source_filter: AnalogLowPass | None = None,
+    beside: Beside | None = None,
 ) -> RedundantFit | str:
     """Find the offset and drift between a source's clock and the reference's.
 
@@ -105,9 +132,11 @@ def align_redundant(
     cutoff_hz
         -3 dB point of the common low-pass; 0.15 of the slower rate, 300 Hz at most, if left out.
     derivative
-        Whether it is the source's derivative that repeats the reference.
+        Which derivative of the source repeats the reference: 0 for the source itself.
     source_filter
         The source's anti-alias filter; a gentle one near half its sampling rate if left out.
+    beside
+        What else acts than the reference; nothing if left out.
 
     Returns
     -------
@@ -132,19 +161,33 @@ def align_redundant(
     grid_step = 1.0 / (GRID_PER_PERIOD * low_pass.cutoff_hz)
     grid, smooth, trusted = _smoothed(t, y, low_pass, grid_step, derivative=derivative)
     target = low_pass.apply(reference, 1.0 / step_s)
+    columns, u = None, None
+    parts: tuple[Array, ...] = ()
+    if beside is not None:
+        columns = _smoothed(t, beside.columns[present], low_pass, grid_step, derivative=0)[1]
+        parts, u = tuple(low_pass.apply(part, 1.0 / step_s) for part in beside.parts.T), beside.u
+        smooth = smooth - columns @ beside.sizes
+        trusted &= np.interp(grid, t, beside.counts[present].astype(np.float64)) > 0.5
+    if derivative > 1:
+        # noise that was differentiated twice is wild where the filter knows one side of it only
+        inner = slice(reach := math.ceil(low_pass.reach_s / grid_step), grid.size - reach)
+        grid, smooth, trusted = grid[inner], smooth[inner], trusted[inner]
+        columns = columns if columns is None else columns[inner]
+        if grid.size < LEAST_SAMPLES:
+            return f"a record of {t[-1] - t[0]:.3g} s is too short to be compared below {low_pass.cutoff_hz:.3g} Hz"
     lag = coarse_lag(grid, smooth, start_s, step_s, target, step_of_search_s=grid_step)
     if isinstance(lag, str):
         return lag if bursts is None else f"{bursts}: {lag}"
-    rows = LagRows.of(grid, smooth, trusted, start_s, step_s, target, None, low_pass)
+    rows = LagRows.of(grid, smooth, trusted, start_s, step_s, target, None, low_pass, columns, parts, u)
     found = solve_lag(rows, lag.offset_s, drift_allowance=drift_allowance)
     if isinstance(found, str):
         return found if bursts is None else f"{bursts}: so jittered, {found}"
     mapped = t + found.shift_s + found.drift * (t - rows.origin_s)
     anti_alias = source_filter or usual_filter(rate_hz)
     aliases = folded_samples(mapped, start_s, step_s, reference, anti_alias, integral=derivative)
-    folded = _smoothed(t, aliases, low_pass, grid_step, derivative=derivative)[1] if aliases.size else aliases
+    whole, folded, _ = _smoothed(t, aliases, low_pass, grid_step, derivative=derivative)
     at = rows.times_s[found.inside]
-    pulls = [float(found.influence @ np.interp(at, grid, column)) for column in folded.T]
+    pulls = [float(found.influence @ np.interp(at, whole, column)) for column in folded.T]
     # each band is there twice, a quarter of a period apart
     u_alias = abs(found.gain) * math.sqrt(0.5 * sum(pull**2 for pull in pulls))
     return RedundantFit(
@@ -167,7 +210,7 @@ def align_redundant(
 
 
 def _smoothed(
-    times_s: Array, samples: Array, low_pass: LowPass, grid_step_s: float, *, derivative: bool
+    times_s: Array, samples: Array, low_pass: LowPass, grid_step_s: float, *, derivative: int
 ) -> tuple[Array, Array, Flags]:
     """Low-pass samples or their derivative on an even grid; false where a gap is in the filter's reach.
 
@@ -175,14 +218,21 @@ def _smoothed(
     """
     from scipy.interpolate import CubicSpline, make_interp_spline
 
-    grid = np.arange(times_s[0], times_s[-1], grid_step_s)
+    # what is differentiated twice is noise where it is quick: the low-pass comes first, none is left out before
+    finer = math.ceil(grid_step_s / float(np.median(np.diff(times_s)))) if derivative > 1 else 1
+    count = np.arange(times_s[0], times_s[-1], grid_step_s).size
+    grid = times_s[0] + grid_step_s / finer * np.arange((count - 1) * finer + 1)
     after = np.clip(np.searchsorted(times_s, grid, side="right"), 1, times_s.size - 1)
     gap = times_s[after] - times_s[after - 1] > LONGEST_GAP / low_pass.cutoff_hz
     spline = CubicSpline(times_s, samples)
-    values = (spline.derivative() if derivative else spline)(grid)
+    values = spline(grid, derivative % 2)
     if gap.any():
         # a cubic swings out of a long gap; a straight line does not
         line = make_interp_spline(times_s, samples, k=1)(grid)
-        values[gap] = (np.gradient(line, grid_step_s, axis=0) if derivative else line)[gap]
-    trusted = ~near(gap, math.ceil(low_pass.reach_s / grid_step_s))
-    return grid, low_pass.apply(values, 1.0 / grid_step_s), trusted
+        values[gap] = (np.gradient(line, grid_step_s, axis=0) if derivative == 1 else line)[gap]
+    trusted = ~near(gap, math.ceil(low_pass.reach_s * finer / grid_step_s))
+    smooth = low_pass.apply(values, finer / grid_step_s)
+    if derivative > 1:
+        for _ in range(derivative):
+            smooth = np.gradient(smooth, grid_step_s / finer, axis=0)
+    return grid[::finer], smooth[::finer], trusted[::finer]

@@ -8,6 +8,7 @@ ends with one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -26,6 +27,9 @@ SMOOTH_SHARE = 0.1
 """Cut-off of a speed that is differentiated of a displacement, share of the rate."""
 REST_SHARE, REST_SAMPLES = 0.02, 24
 """Share of a record at either end, and its samples at the least, by which a rest is told."""
+QUICKER = 0.5
+"""Cut-off of an acceleration that is differentiated, by which a rest is told, times the time in which a force changes:
+three times its frequency."""
 REST_LEVEL = 0.02
 """Share of the largest acceleration, or force, that a rest may move by."""
 STEADY = 2.0
@@ -110,9 +114,9 @@ class LineMotion(ReadOnlyArrays):
                 expected="a role recoil_acceleration, recoil_velocity or recoil_displacement",
                 remedy="declare its role in the rig file, or mend the alignment",
             )
-        role = next(one for one in _MOTIONS if _usable(series, one))
-        interval_s = driven_s(times_s, acceleration, forces, static_m_s2)
-        begins_s, ends_s = driven_s(times_s, acceleration, (), static_m_s2)
+        role = telling_role(series)
+        interval_s = driven_s(times_s, series, forces, static_m_s2)
+        begins_s, ends_s = driven_s(times_s, series, forces, static_m_s2, moves=True)
         driven = (times_s >= begins_s) & (times_s <= ends_s)
         felt = bridge(acceleration, otherwise=static_m_s2) - static_m_s2
         velocity = velocity_on_line(series, felt, step_s)
@@ -135,6 +139,8 @@ class LineMotion(ReadOnlyArrays):
         return np.asarray(-np.tanh(self.velocity_m_s / self.turning_m_s) * self.driven)
 
 
+DIFFERENTIATED = {"recoil_velocity": first_derivative, "recoil_displacement": second_derivative}
+"""How the acceleration is told by what is none."""
 _MOTIONS = ("recoil_acceleration", "recoil_velocity", "recoil_displacement")
 
 
@@ -159,8 +165,7 @@ def acceleration_on_line(series: Mapping[str, Array], step_s: float, static_m_s2
         samples = series[role]
         if role == "recoil_acceleration":
             return samples
-        differentiated = first_derivative if role == "recoil_velocity" else second_derivative
-        return np.asarray(differentiated(samples, step_s) + static_m_s2)
+        return np.asarray(DIFFERENTIATED[role](samples, step_s) + static_m_s2)
     return None
 
 
@@ -193,21 +198,69 @@ def velocity_on_line(series: Mapping[str, Array], felt_m_s2: Array, step_s: floa
     return first_derivative(LowPass(SMOOTH_SHARE / step_s).apply(travel, 1.0 / step_s), step_s)
 
 
+def changes_in_s(force_n: Array, step_s: float) -> float:
+    """Return the time in which a force changes: its spread over that of its slope; infinite where it stays the same."""
+    slope = float(np.std(np.gradient(force_n, step_s)))
+    return float(np.std(force_n)) / slope if slope > 0 else math.inf
+
+
+def telling_role(series: Mapping[str, Array]) -> str:
+    """Return the role of what tells an acceleration along the line; empty where nothing does."""
+    return next((one for one in _MOTIONS if _usable(series, one)), "")
+
+
 def driven_s(
-    times_s: Array, acceleration_m_s2: Array, forces: Sequence[Array], static_m_s2: float
+    times_s: Array, series: Mapping[str, Array], forces: Sequence[Array], static_m_s2: float, *, moves: bool = False
 ) -> tuple[float, float]:
     """Return the first and the last instant at which a body on a line is driven or moves.
 
-    A record that does not begin, or end, with a rest is driven from its first instant on, or to its last.
+    A record that does not begin, or end, with a rest is driven from its first instant on, or to its last: that of what
+    tells the motion. What must be differentiated is looked at as quick as its noise lets a rest be told, down to what
+    the forces change in.
 
     Parameters
     ----------
-    times_s, acceleration_m_s2 : ndarray, shape (n,)
-        Instants, evenly spaced, and specific force along the line.
+    times_s : ndarray, shape (n,)
+        Instants, evenly spaced.
+    series : mapping of str to ndarray, shape (n,)
+        Series of the motion by role, one at least.
     forces : sequence of ndarray, shape (n,)
     static_m_s2
         Specific force at rest.
+    moves
+        Whether the motion alone is asked for.
     """
+    role, step_s = telling_role(series), float(times_s[1] - times_s[0])
+    read = () if moves else forces
+    if role == "recoil_acceleration":
+        return _between_rests_s(times_s, series[role], read, static_m_s2)
+    seen = np.flatnonzero(np.isfinite(series[role]))
+    first, stop = int(seen[0]), int(seen[-1]) + 1
+    samples, differentiated = bridge(series[role][first:stop]), DIFFERENTIATED[role]
+    cutoff_hz, changes_s = SMOOTH_SHARE / step_s, [changes_in_s(bridge(one, otherwise=0.0), step_s) for one in forces]
+    slowest_hz = QUICKER / min(changes_s, default=math.inf)
+    while True:
+        low_pass = LowPass(cutoff_hz)
+        # where its record ends the filter knows one side alone
+        reach = min(low_pass.reach_samples(1.0 / step_s), samples.size // 4)
+        slow = differentiated(low_pass.apply(samples, 1.0 / step_s), step_s)[reach : samples.size - reach]
+        count = max(REST_SAMPLES, int(REST_SHARE * slow.size))
+        noise = min(robust_sigma(slow[:count]), robust_sigma(slow[-count:]))
+        cutoff_hz *= 0.5
+        if NOISES * noise < REST_LEVEL * float(np.max(np.abs(slow))) or cutoff_hz < slowest_hz:
+            break
+    told = slice(first + reach, stop - reach)
+    first_s, last_s = _between_rests_s(times_s[told], slow + static_m_s2, [one[told] for one in read], static_m_s2)
+    # without a rest it moves as long as anything is told of it
+    return (
+        float(times_s[first]) if first_s == times_s[told][0] else first_s,
+        float(times_s[stop - 1]) if last_s == times_s[told][-1] else last_s,
+    )
+
+
+def _between_rests_s(
+    times_s: Array, acceleration_m_s2: Array, forces: Sequence[Array], static_m_s2: float
+) -> tuple[float, float]:
     step_s = float(times_s[1] - times_s[0])
     acceleration = bridge(acceleration_m_s2, otherwise=static_m_s2)
     smooth = LowPass(SMOOTH_SHARE / step_s).apply(acceleration, 1.0 / step_s)

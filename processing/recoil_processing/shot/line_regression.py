@@ -14,8 +14,9 @@ import numpy as np
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_processing.filters import LowPassFilter
-from recoil_processing.gaps import runs_of
-from recoil_processing.shot.line_motion import LineMotion
+from recoil_processing.gaps import bridge, bridged_smoothly, near, runs_of
+from recoil_processing.shot.blow import Blow
+from recoil_processing.shot.line_motion import LineMotion, changes_in_s
 from recoil_processing.shot.regression import LEAST_ROWS, LONGEST_SHARE, Regression, refuse_lost
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.mechanism.line import Line
@@ -28,6 +29,12 @@ LEAST_SPACED = 24
 STANDS = 0.2
 """Share of the dry friction that is left, behind the filter, where a body on a line stands or turns."""
 
+MOST_ZERO = 0.01
+"""Share of the largest speed that its reading at rest may be off by: a friction turns within less."""
+BRIDGED_CHANGE = 0.25
+"""Share of the time in which the forces change for which a travel needs no frame: it is smoother than they by two
+integrals."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LineRegression(Regression):
@@ -39,11 +46,14 @@ class LineRegression(Regression):
         Speed and place, behind no filter.
     turning_n
         Dry friction, which turns with the motion.
+    blow
+        Blows in a long record, which alone tell the mass; None where it is driven throughout.
     """
 
     speed_m_s: Array
     travel_m: Array
     turning_n: float = 0.0
+    blow: Blow | None = None
 
     recoils_once = False
     least_identified = 0.0  # it coasts between its drives, and nothing tells a mass then
@@ -54,6 +64,14 @@ class LineRegression(Regression):
     made_of = "all that drives less all that resists and friction"
     scales = ("the scale of what drives", "what no gauge reads of what resists")
     may_change = "mass or friction"
+
+    @property
+    def inside(self) -> Flags:
+        """Samples of the identification interval, shape (n,).
+
+        Of blows in a long record those alone: beside them there is noise of force and motion, and it has a mass, too.
+        """
+        return super().inside if self.blow is None else np.asarray(super().inside & self.blow.flags)
 
     @property
     def acts(self) -> Flags:
@@ -122,16 +140,20 @@ class LineRegression(Regression):
         lacking = LEAST_SPACED - int(count / whole)
         if lacking > 0:
             around = whole * -(-lacking // 2)
-            used = self.trusted.copy()
-            used[first + count + around :] = False
+            used = self.trusted & near(self.inside, around)
             first = max(first - around, first % whole)
         return float(whole), first, used
 
     def _reached(self, low_pass: LowPassFilter) -> Flags:
-        """Leave out a period of the cut-off at either end of the record, beyond which the body moves on."""
-        reached = super()._reached(low_pass)
-        reach = math.ceil(self.rate_hz / low_pass.cutoff_hz)
-        reached[:reach] = reached[-reach:] = False
+        """Leave out a period of the cut-off at either end of the record, beyond which the body moves on.
+
+        Of what was differentiated two, and of its own record: its noise is largest where it ends.
+        """
+        reached, known = super()._reached(low_pass), np.flatnonzero(self.trusted)
+        felt = self.motion_role == "recoil_acceleration"
+        reach = math.ceil((1 if felt else 2) * self.rate_hz / low_pass.cutoff_hz)
+        ends = (0, reached.size) if felt or not known.size else (int(known[0]), int(known[-1]) + 1)
+        reached[: ends[0] + reach] = reached[max(ends[1] - reach, 0) :] = False
         return reached
 
 
@@ -144,10 +166,22 @@ def line_motion(signals: Signals, rig: Rig) -> LineMotion:
         If nothing was recorded of it.
     """
     forces = [signals.series[force.name] for force in rig.forces if force.name in signals.series]
+    series = dict(signals.series)
+    if "recoil_displacement" in series and forces:
+        longest_s = BRIDGED_CHANGE * changes_in_s(
+            np.sum([bridge(one, otherwise=0.0) for one in forces], axis=0), signals.step_s
+        )
+        series["recoil_displacement"] = bridged_smoothly(series["recoil_displacement"], int(longest_s / signals.step_s))
+    if "recoil_velocity" in series and signals.in_baseline.any():
+        speed = series["recoil_velocity"]
+        level = float(np.nanmedian(speed[signals.in_baseline]))
+        # what coasts is no zero
+        if abs(level) < MOST_ZERO * float(np.nanmax(np.abs(speed))):
+            series["recoil_velocity"] = speed - level
     static = rig.mechanism.at_rest.get("recoil_acceleration", 0.0)
     offset = signals.offsets.get("recoil_acceleration")
     u_zero = 0.0 if offset is None else offset.u
-    return LineMotion.of(signals.times_s, signals.series, forces, static, u_zero)
+    return LineMotion.of(signals.times_s, series, forces, static, u_zero)
 
 
 def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> LineRegression:
@@ -182,6 +216,11 @@ def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> LineRegre
     speed = np.where(motion.driven, motion.velocity_m_s, 0.0)
     columns = [force.sign * force.per_reading * s[force.name] for force in rig.forces]
     forces = np.column_stack([*columns, whole * (m.friction * direction - m.slide_friction * speed)])
+    read = np.sum([bridge(column, otherwise=0.0) for column in columns], axis=0)
+    blow = Blow.of(read, inside, signals.rate_hz)
+    interval_s = motion.interval_s
+    if blow is not None:
+        interval_s = tuple(signals.times_s[np.flatnonzero(blow.flags)[[0, -1]]].tolist())
     released = motion.driven.astype(np.float64)
     static = m.at_rest.get("recoil_acceleration", 0.0)
     forces = np.where(motion.driven[:, np.newaxis], forces, 0.0)
@@ -195,7 +234,7 @@ def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> LineRegre
         friction_direction=direction,
         release_per_s=np.zeros(speed.size),
         trusted=np.isfinite(acceleration) & np.isfinite(forces).all(axis=1),
-        interval_s=motion.interval_s,
+        interval_s=interval_s,
         release_n_s=0.0,
         u_release_n_s=0.0,
         gauges=tuple(force.name for force in rig.forces),
@@ -203,5 +242,6 @@ def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> LineRegre
         motion_role=motion.role,
         speed_m_s=speed,
         travel_m=motion.travel_m,
+        blow=blow,
         turning_n=whole * math.hypot(m.friction, m.u.get("friction", 0.0)),
     )

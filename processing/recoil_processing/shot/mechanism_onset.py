@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from functools import singledispatch
 
+import numpy as np
+
 from recoil_acquisition.numerics.arrays import Array
-from recoil_processing.shot.line_motion import acceleration_on_line, driven_s
+from recoil_processing.shot.line_motion import driven_s, telling_role
 from recoil_processing.shot.onset import find_onset
 from recoil_rigs.mechanism.line import Line
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
@@ -42,7 +44,10 @@ def onset_s(
 def _end_of_rest_s(mechanism: Line, grid_s: Array, series: Mapping[str, Array], forces: Collection[str]) -> float:
     """Return the instant at which a rest ends, the record's first one without any."""
     static = mechanism.at_rest["recoil_acceleration"]
-    acceleration = acceleration_on_line(series, float(grid_s[1] - grid_s[0]), static)
-    if acceleration is None:
+    role = telling_role(series)
+    if not role:
         return float(grid_s[0])
-    return driven_s(grid_s, acceleration, [series[name] for name in forces if name in series], static)[0]
+    read = [series[name] for name in forces if name in series]
+    first_s = driven_s(grid_s, series, read, static)[0]
+    # what moves as soon as anything tells of it has no rest before
+    return float(grid_s[0]) if first_s == grid_s[int(np.argmax(np.isfinite(series[role])))] else first_s

@@ -23,6 +23,7 @@ from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_acquisition.shot.shot import ClockAlignment
 from recoil_processing.gaps import LONGEST_STEP, bridge
 from recoil_processing.noise import robust_sigma, welch_satterthwaite
+from recoil_processing.outliers import agreeing
 from recoil_processing.shot.channel_repair import ChannelRepair, level_samples, mend_samples
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.instants import instants
@@ -186,7 +187,10 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
             unused.append((series_name, channel.name))
             continue
         mended = mend_samples(channel, one.spec, one.source.kind)
-        dated = replace(at_instants(channel, fired), samples=mended.samples)
+        samples = mended.samples
+        if one.source.kind == "camera" and series_name in mechanism.sure_roles:
+            samples = agreeing(channel.time_base.times_s, samples)
+        dated = replace(at_instants(channel, fired), samples=samples)
         read[channel.name] = on_grid(dated, alignment, grid)
         left_in[channel.name] = {
             cause: np.array([bridge(on_grid(replace(dated, samples=one), alignment, grid)) for one in shapes])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath
@@ -107,6 +107,10 @@ def foreign_keys(mechanism: Mechanism, channels: Sequence[tuple[KeyPath, Channel
             "u_distortion_m": channel.quantity != "displacement",
             "u_zero_rel": mechanism.recoils_once and channel.quantity in TURNING,
         }
+        idle = _idle_keys(mechanism, channel, {one.role for _, one in channels})
+        found += [
+            Fault((*where, "sensor", key), problem, FaultCode.UNUSUAL) for key, problem in idle.items() if key in stated
+        ]
         found += [
             Fault(
                 (*where, "sensor", key),
@@ -118,6 +122,24 @@ def foreign_keys(mechanism: Mechanism, channels: Sequence[tuple[KeyPath, Channel
             if foreign and key in stated
         ]
     return found
+
+
+def _idle_keys(mechanism: Mechanism, channel: ChannelSpec, roles: Collection[str]) -> Mapping[str, str]:
+    """Return the keys of a line's sensor of motion that change no digit of its mass, each with why not."""
+    if mechanism.recoils_once or channel.role not in mechanism.motion_roles:
+        return {}
+    told_by = next(role for role in mechanism.motion_roles if role in roles)
+    idle = {}
+    if channel.quantity not in TURNING:
+        idle["u_zero_rel"] = (
+            f"changes no mass: what a constant adds to a {channel.quantity} is gone from the acceleration; leave it out"
+        )
+    if channel.role != told_by:
+        idle["u_delay_s"] = (
+            f"changes no mass: {told_by} tells the acceleration, and this channel where friction points; state it of "
+            "that sensor, or leave it out"
+        )
+    return idle
 
 
 TURNING = ("acceleration", "angular_rate", "angular_acceleration")

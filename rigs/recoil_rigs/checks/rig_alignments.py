@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import MappingProxyType
 
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, did_you_mean
 from recoil_acquisition.quantities.quantity import SI_UNITS
 from recoil_rigs.rig_file import RigFile
 from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.rig_tables import (
+    FORCE_ROLES,
     MOTIONS,
     ExposureAlignment,
     MotionAlignment,
@@ -17,8 +19,13 @@ from recoil_rigs.tables.rig_tables import (
     TriggerAlignment,
 )
 
-FORCE_ROLE = "breech_pressure"
-"""Role that stands for the forces, which drive the motion that a camera sees."""
+DRIVEN = MappingProxyType(
+    {
+        "breech_pressure": ("recoil_displacement",),
+        **dict.fromkeys(FORCE_ROLES, ("recoil_acceleration", "recoil_velocity", "recoil_displacement")),
+    }
+)
+"""Role that stands for all forces -> roles of the motions that they drive, the one that tells most of it first."""
 
 
 def motion_channels(
@@ -44,8 +51,8 @@ def motion_channels(
     reference = next((c for c in channels if c.name == against), None)
     if reference is None:
         return []
-    if reference.role == FORCE_ROLE:
-        return [c for c in channels if c.source == source and c.role == "recoil_displacement"]
+    if reference.role in DRIVEN:
+        return [c for role in DRIVEN[reference.role] for c in channels if c.source == source and c.role == role]
     fitting = [c for c in channels if c.source == source and reference.quantity in MOTIONS.get(c.quantity, ())]
     return sorted(fitting, key=lambda c: (c.role != "recoil_displacement", c.quantity != "displacement"))
 
@@ -94,7 +101,7 @@ def faults_of_alignment(where: KeyPath, source: Source, reference: str, file: Ri
         pulses = check("channel", align.channel, reference, of_reference)
         if pulses and pulses.source == reference and pulses.quantity not in ("voltage", "count"):
             faults.append(unfit(f"{pulses.name!r} must be a voltage, found {pulses.quantity}", "channel"))
-        if against and against.quantity != "acceleration" and against.role != FORCE_ROLE:
+        if against and against.quantity != "acceleration" and against.role not in DRIVEN:
             faults.append(unfit(f"{against.name!r} must be an acceleration, found {against.quantity}", "against"))
     if isinstance(align, RedundantAlignment) and own and against:
         if own.quantity != against.quantity:
@@ -121,8 +128,8 @@ def _faults_of_motion(
     if own is not None and own.quantity == against.quantity:
         problem = f"{own.name!r} repeats {against.name!r}: the method for one and the same quantity is `redundant`"
         return [Fault((*where, "method"), problem, FaultCode.CONTRADICTION)]
-    if against.role == FORCE_ROLE:
-        return _faults_of_force(where, source, own, channels)
+    if against.role in DRIVEN:
+        return _faults_of_force(where, source, own, DRIVEN[against.role], channels)
     comparable = [quantity for quantity, others in MOTIONS.items() if against.quantity in others]
     if not comparable or (source.kind == "camera" and against.quantity != "acceleration"):
         problem = f"{against.name!r} must be an acceleration, found {against.quantity}"
@@ -149,15 +156,19 @@ def _faults_of_motion(
 
 
 def _faults_of_force(
-    where: KeyPath, source: Source, own: ChannelSpec | None, channels: Sequence[ChannelSpec] | None
+    where: KeyPath,
+    source: Source,
+    own: ChannelSpec | None,
+    roles: Sequence[str],
+    channels: Sequence[ChannelSpec] | None,
 ) -> list[Fault]:
-    """Check that a source has the travel that the forces drive."""
-    role = "recoil_displacement"
+    """Check that a source has a motion that the forces drive."""
+    any_of = f"role {' or '.join(roles)}"
     if own is not None:
-        problem = f"{own.name!r} must have the role {role}"
-        return [] if own.role == role else [Fault((*where, "channel"), problem, FaultCode.CONTRADICTION)]
-    if channels is not None and not any(c.source == source.name and c.role == role for c in channels):
-        problem = f"motion against the forces needs a channel of role {role} of this source"
+        problem = f"{own.name!r} must have the {any_of}"
+        return [] if own.role in roles else [Fault((*where, "channel"), problem, FaultCode.CONTRADICTION)]
+    if channels is not None and not any(c.source == source.name and c.role in roles for c in channels):
+        problem = f"motion against the forces needs a channel of {any_of} of this source"
         return [Fault(where, problem, FaultCode.MISSING)]
     return []
 

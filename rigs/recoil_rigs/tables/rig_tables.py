@@ -77,9 +77,9 @@ SourceKind = Literal["dewetron", "can", "serial", "camera"]
 class MotionAlignment(DeclaredTable):
     """Align a source by a motion that the reference clock has in another quantity.
 
-    What may be compared says `MOTIONS`. A camera may be aligned ``against`` the breech pressure: by the motion that
-    the forces drive. ``channel`` is the source's; without it its travel, or its one channel that ``against`` can be
-    compared with.
+    What may be compared says `MOTIONS`. A camera may be aligned ``against`` the breech pressure, and any source of a
+    body on a line ``against`` one of its forces, which stands for all: by the motion that the forces drive.
+    ``channel`` is the source's; without it its travel, or its one channel that ``against`` can be compared with.
     """
 
     method: Literal["motion"]

@@ -18,11 +18,11 @@ from recoil_identification.calibration.methods import Beside
 from recoil_identification.estimate.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior
-from recoil_identification.rows.causes import Cause
+from recoil_identification.rows.causes import DISTORTIONS, Cause
 from recoil_identification.rows.equation_of_motion import RELEASE as RELEASE_VELOCITY
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.row_noise import RowNoise
-from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE, ZERO
+from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE, ZERO
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression, spaced_rows
 from tests.builders.bench_shots import MASS_KG

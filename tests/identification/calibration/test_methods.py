@@ -14,9 +14,9 @@ from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import by_camera
 from recoil_identification.estimate.mass import FRICTION, GAUGES, RANDOM
 from recoil_identification.rows.camera_rows import START
-from recoil_identification.rows.causes import delay_of_gauge, moving_zero
+from recoil_identification.rows.causes import DISTORTIONS, delay_of_gauge, moving_zero
 from recoil_identification.rows.late_readings import GAS
-from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
+from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
 from recoil_processing.picture_bends import picture_bends
 from recoil_processing.shot.gauge_zero import MOVES_S, zero_moves

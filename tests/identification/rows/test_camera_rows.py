@@ -13,9 +13,10 @@ from recoil_identification.estimate.mass import ACCELERATION as ACCELERATION_SCA
 from recoil_identification.inference.block import JointBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.rows.camera_rows import BEFORE_S, LATE, MEAN_S, START, CameraRows, camera_rows
+from recoil_identification.rows.causes import DISTORTIONS
 from recoil_identification.rows.equation_of_motion import ACCELERATION, CAMERA, ZERO
 from recoil_identification.rows.row_noise import correlation_of
-from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS
+from recoil_identification.rows.sensor_priors import CAMERA_SCALE
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_identification.shot.preparation import prepare

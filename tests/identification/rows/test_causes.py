@@ -19,6 +19,7 @@ from recoil_identification.estimate.mass import ACCELERATION, FRICTION, GAUGES
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows.camera_rows import OTHER, OTHER_ZERO, CameraRows, camera_rows
 from recoil_identification.rows.causes import (
+    DISTORTIONS,
     SKEW,
     Cause,
     causes_of,
@@ -26,7 +27,7 @@ from recoil_identification.rows.causes import (
     moving_zero,
 )
 from recoil_identification.rows.late_readings import GAS, late_readings
-from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE, ZERO
+from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE, ZERO
 from recoil_identification.rows.unread_resistance import FORCE, SHARE, SLIDE, force_shapes, shape_of_force
 from recoil_identification.shot.identified import Identification
 from recoil_identification.shot.preparation import Prepared, prepare

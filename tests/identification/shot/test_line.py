@@ -22,7 +22,7 @@ from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from tests.builders.line_motions import TURNING_M_S, LineBody
-from tests.builders.line_shots import hammer, sled_outcome
+from tests.builders.line_shots import drop_tower, hammer, sled_outcome
 
 ALL = ("driving_force", "resisting_force", "recoil_acceleration", "recoil_velocity")
 BODY = LineBody()
@@ -174,3 +174,13 @@ def test_a_blow_of_a_millisecond_has_the_band_of_its_force_and_rows_enough() -> 
     assert blow.found.chosen.estimate.rows > LEAST_SPACED - 3
     assert blow.found.valid
     assert blow.covers
+
+
+@pytest.mark.whole_way
+@pytest.mark.parametrize("noise", [5e-4, 0.01])
+def test_a_blow_of_a_millisecond_in_a_second_is_judged_by_its_own_span(noise: float) -> None:
+    outcome = sled_outcome(2, {}, drop_tower(noise))
+    assert outcome.found.valid, outcome.found.reasons
+    assert outcome.covers
+    recorded = outcome.found.route.recorded
+    assert 0 < recorded.inside.sum() * recorded.step_s < 0.02

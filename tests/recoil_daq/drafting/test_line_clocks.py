@@ -11,7 +11,8 @@ import pytest
 from recoil_acquisition.errors import FaultCode, RigError
 from recoil_daq.drafting.init import draft_rig
 from recoil_rigs.rig import load_rig
-from recoil_rigs.twin import TwinShot
+from recoil_rigs.twin import TwinShot, simulate_shot
+from tests.builders.line_shots import of_the_page
 
 Table = tuple[list[str], np.ndarray]
 
@@ -94,3 +95,13 @@ def test_an_edge_that_two_recorders_saw_is_their_clock(field_shot: TwinShot, tmp
             assert str(align).startswith("TODO ")
             assert roles.get("D1") != "trigger"
         assert_open_alone(text, tmp_path / "rig.toml")
+
+
+@pytest.mark.whole_way
+@pytest.mark.parametrize(("page", "source"), [("cell and servo", "recorder_2"), ("cell and camera", "camera")])
+def test_what_the_forces_of_a_line_drive_is_aligned_by_them(page: str, source: str, tmp_path: Path) -> None:
+    simulated = simulate_shot(of_the_page(page), tmp_path / "files", seed=2, shot="0001")
+    text = draft_rig(list(simulated.files), out=tmp_path / "rig.toml").draft.text()
+    align = clocks(text)[source]
+    assert align["method"] == "motion"
+    assert align["against"] == of_the_page(page).with_role("driving_force")[0].name

@@ -41,9 +41,10 @@ MET_ON_A_LINE = {
     ("check", "assumption", None),
     ("ingest", "reader", "recorder"),
     ("identify", "filter", None), ("identify", "motion noise", "shot"), ("identify", "not identified", None),
-    ("identify", "sensor", "skew of acceleration and force"),
+    ("identify", "sensor", "skew of acceleration and force"), ("ingest", "skew", "qm"), ("identify", "skew", "qm"),
 }  # fmt: skip
-"""The same of a real drive, whose force jumps and whose motion is noisier than its rest; nothing of the rig file."""
+"""The same of a real drive, whose force jumps, whose motion is noisier than its rest, and whose encoder is half a
+millisecond late; nothing of the rig file."""
 
 
 def count(typed: dict) -> int:

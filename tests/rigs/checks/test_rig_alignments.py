@@ -193,3 +193,44 @@ def test_a_camera_is_aligned_by_the_forces_where_it_has_the_travel():
     assert "must be an acceleration" in fault(
         align, brake, channel("x", "other", "displacement", "recoil_displacement")
     )
+
+
+_OF_A_GUN = ("XA", "YA", "b", "d", "phi10", "bore_area", "brake_area", "recuperator_area")
+LINE = "".join(
+    row
+    for row in HEAD.replace("[mechanism]", '[mechanism]\nmodel = "line"').splitlines(keepends=True)
+    if row.split(" =")[0] not in _OF_A_GUN
+)
+
+
+def line(*tables: str) -> Rig:
+    return parse_rig(LINE + "".join(tables), Path("line.toml"))
+
+
+@pytest.mark.parametrize(
+    ("quantity", "role"),
+    [
+        ("displacement", "recoil_displacement"),
+        ("velocity", "recoil_velocity"),
+        ("acceleration", "recoil_acceleration"),
+    ],
+)
+@pytest.mark.parametrize("force", ["driving_force", "resisting_force"])
+def test_any_motion_of_a_line_is_aligned_by_any_of_its_forces(quantity: str, role: str, force: str) -> None:
+    cells = channel("f", "daq", "force", force) + channel("g", "daq", "force", "driving_force")
+    sound = line(source('method = "motion", against = "f"'), cells, channel("own", "other", quantity, role))
+    found = sound.motion_channel(sound.source("other"))
+    assert found is not None
+    assert found.name == "own"
+
+
+def test_what_the_forces_of_a_line_do_not_drive_is_refused() -> None:
+    cell, align = channel("f", "daq", "force", "driving_force"), source('method = "motion", against = "f"')
+    with pytest.raises(RigError) as caught:
+        line(align, cell, channel("own", "other", "velocity"))
+    told = str(caught.value.faults[0])
+    assert "needs a channel of role recoil_acceleration or recoil_velocity or recoil_displacement" in told
+    named = source('method = "motion", against = "f", channel = "other_force"')
+    with pytest.raises(RigError) as caught:
+        line(named, cell, channel("other_force", "other", "force", "driving_force"))
+    assert "repeats 'f'" in str(caught.value.faults[0])

@@ -17,8 +17,6 @@ from recoil_rigs.shots.fired_shot import FiredShot
 
 LEAST_NOISE_SAMPLES = 64
 """Samples by which a noise is estimated."""
-QUIET_SHARE, SLOW_DEGREE = 0.02, 5
-"""Length of the quietest part of a record without a rest, share of it, and the degree of what moves slowly in it."""
 BASELINE_ORDER = 4
 """Order of the pre-trigger baseline's autoregressive model: enough for a chain's filter."""
 
@@ -31,32 +29,6 @@ class BaselineNoise:
     slow_force: float = 0.0
     filtered_acceleration: float = 0.0
     filtered_force: float = 0.0
-
-
-def quietest_part(first: Array, *others: Array) -> tuple[Array, ...]:
-    """Return the stretch of a record in which its first column is quietest, without what moves slowly there.
-
-    Parameters
-    ----------
-    first, *others : ndarray, shape (n,)
-        Columns of the record; n at least `LEAST_NOISE_SAMPLES`.
-
-    Returns
-    -------
-    tuple of ndarray
-        What a polynomial of degree `SLOW_DEGREE` leaves of each column there.
-    """
-    count = max(LEAST_NOISE_SAMPLES, int(QUIET_SHARE * first.size))
-    slow = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), SLOW_DEGREE)
-    basis = np.linalg.qr(slow)[0]
-
-    def left(column: Array, at: int) -> Array:
-        part = column[at : at + count]
-        return np.asarray(part - basis @ (basis.T @ part))
-
-    starts = range(0, first.size - count + 1, count)
-    quietest = min(starts, key=lambda at: float(np.std(left(first, at))))
-    return tuple(left(column, quietest) for column in (first, *others))
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,22 +80,18 @@ class EstimatorInputs:
     def baseline_noise(self) -> BaselineNoise:
         """Noise of the pre-trigger baseline; without one it is zero, and nothing is claimed by it.
 
-        Of a body on a line that moves from the first sample on it is that of the quietest part, less what moves there.
+        What was differentiated has a noise that no low frequency shows; the rows tell it, as they do where a record
+        begins in motion.
         """
         in_baseline = self.in_baseline
-        force = self.held_force_n
-        if np.count_nonzero(in_baseline) >= LEAST_NOISE_SAMPLES:
-            a, f = (side[in_baseline] - side[in_baseline].mean() for side in (self.acceleration_m_s2, force))
-            slow_force = self.slow_force_n
-        elif not self.recorded.recoils_once and force.size >= LEAST_NOISE_SAMPLES:
-            a, f = quietest_part(self.acceleration_m_s2, force)
-            slow_force = math.sqrt(fit_noise([f], BASELINE_ORDER).slow_density)
-        else:
+        differentiated = self.recorded.motion_role != "recoil_acceleration" and not self.recorded.recoils_once
+        if np.count_nonzero(in_baseline) < LEAST_NOISE_SAMPLES or differentiated:
             return BaselineNoise()
+        a, f = (side[in_baseline] - side[in_baseline].mean() for side in (self.acceleration_m_s2, self.held_force_n))
         slow_acceleration = math.sqrt(fit_noise([a], BASELINE_ORDER).slow_density)
         low_pass, rate_hz = self.filtered.low_pass, self.recorded.rate_hz
         behind = [side if low_pass is None else low_pass.apply(side, rate_hz) for side in (a, f)]
-        return BaselineNoise(slow_acceleration, slow_force, float(behind[0].std()), float(behind[1].std()))
+        return BaselineNoise(slow_acceleration, self.slow_force_n, float(behind[0].std()), float(behind[1].std()))
 
     @property
     def release_s(self) -> float:

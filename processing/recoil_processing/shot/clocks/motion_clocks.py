@@ -29,6 +29,7 @@ from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.camera_stand import Aligned, by_its_stand
 from recoil_processing.shot.clocks.force_clocks import align_by_force, bent_m
+from recoil_processing.shot.clocks.line_clocks import DERIVATIVES, align_by_forces
 from recoil_processing.shot.instants import anti_alias_filter, instants, with_chains
 from recoil_processing.shot.kinematics import (
     LEAST_NOISE_SHARE,
@@ -40,6 +41,7 @@ from recoil_processing.shot.kinematics import (
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.rig import MOTIONS, Rig, Source
 from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.rig_tables import FORCE_ROLES
 
 Evenly = tuple[float, float, Array]
 """Start and step of even instants of the reference clock, and samples there."""
@@ -88,6 +90,8 @@ def align_by_motion(
         return failed_alignment(source.name, "motion", f"{what} is not in this shot")
     if other.time_base.clock != fired.shot.reference_clock:
         return failed_alignment(source.name, "motion", f"channel {against} is not on the reference clock")
+    if other.role in FORCE_ROLES and own.quantity in DERIVATIVES:
+        return align_by_forces(fired, own, other, drift_allowance, found)
     if other.role == "breech_pressure" and own.role == "recoil_displacement":
         return align_by_force(fired, own, other, drift_allowance, found)
     if other.quantity not in MOTIONS.get(own.quantity, ()):

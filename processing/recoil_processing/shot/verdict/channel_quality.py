@@ -36,6 +36,7 @@ from recoil_processing.quality.spectral_checks import (
 )
 from recoil_processing.quality.word_overflow import find_word_overflow
 from recoil_processing.repairs.hum import Hum, subtract_hum
+from recoil_processing.shot.blow import Blow
 from recoil_processing.shot.gauge_zero import moving_zero_pa
 from recoil_processing.shot.regression import MASS_ROLES, PRESSURE_ROLES
 from recoil_processing.shot.signals import BASELINE_MARGIN_S
@@ -190,13 +191,19 @@ class _Record:
         onset_s: float,
         spans_s: tuple[float, float],
     ) -> _Record:
-        """Take a record apart; ``spans_s`` from the onset are those of its spectra, and of what is looked through."""
+        """Take a record apart; ``spans_s`` from the onset are those of its spectra, and of what is looked through.
+
+        Where they have no end a blow has one of its own, and a low-pass that leaves it what it is.
+        """
         rate_hz = channel.time_base.rate_hz
-        low_pass = LowPass(min(CUTOFF_HZ, SLOWEST_SHARE * rate_hz))
         stop = int(np.searchsorted(reference_s, onset_s + spans_s[1]))
         samples, in_baseline, reference_s = samples[:stop], in_baseline[:stop], reference_s[:stop]
         whole = bridge(samples, otherwise=0.0)
         pulse = (reference_s >= onset_s) & (reference_s < onset_s + spans_s[0])
+        blow = None if math.isfinite(spans_s[0]) else Blow.of(whole, pulse, rate_hz)
+        pulse = pulse if blow is None else blow.flags
+        quickest_hz = CUTOFF_HZ if blow is None else max(CUTOFF_HZ, blow.cutoff_hz)
+        low_pass = LowPass(min(quickest_hz, SLOWEST_SHARE * rate_hz))
         smooth = low_pass.apply(whole, rate_hz)
         return cls(channel, unit, samples, whole, smooth, low_pass, in_baseline, pulse, reference_s, onset_s)
 
@@ -283,8 +290,8 @@ def _hum_outcome(record: _Record, found: Hum) -> Outcome:
 
 def _spectra(record: _Record, driven_m_s2: float | None) -> Iterator[tuple[Check, Outcome]]:
     """Check what lies above the rigid body's band."""
-    rate_hz = record.rate_hz
-    fall_db = last_octave_fall_db(record.whole, record.in_baseline, record.pulse, rate_hz, 2 * CUTOFF_HZ)
+    rate_hz, above_hz = record.rate_hz, 2 * max(CUTOFF_HZ, record.low_pass.cutoff_hz)
+    fall_db = last_octave_fall_db(record.whole, record.in_baseline, record.pulse, rate_hz, above_hz)
     if fall_db is not None:
         yield Check.ALIASING, check_aliasing(fall_db, rate_hz)
     if record.channel.role != "recoil_acceleration" or not record.pulse.any():

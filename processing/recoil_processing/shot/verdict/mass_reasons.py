@@ -259,10 +259,14 @@ def against_losses(shot: Shot, lost: float) -> Iterator[Reason]:
 
 
 def lost_share(filtered: Regression) -> float:
-    """Share of the squares of force, or of acceleration, that lies where a sample is lost, whichever is more."""
+    """Share of the squares of force, or of acceleration, that lies where a sample is lost, whichever is more.
+
+    One that was differentiated is nothing but noise where its record ends.
+    """
     inside, lost = filtered.inside, filtered.inside & ~filtered.trusted
+    felt = filtered.motion_role == "recoil_acceleration"
     shares = [
         float(column[lost] @ column[lost]) / max(float(column[inside] @ column[inside]), 1e-300)
-        for column in (filtered.force_n, filtered.acceleration_m_s2)
+        for column in (filtered.force_n, *([filtered.acceleration_m_s2] if felt else []))
     ]
     return max(shares)

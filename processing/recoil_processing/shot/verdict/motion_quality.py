@@ -23,6 +23,7 @@ from recoil_processing.quality.balance_checks import check_braking, check_force_
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.quality.motion_checks import check_rest_to_rest, check_velocity, velocity_error
+from recoil_processing.shot.blow import Blow
 from recoil_processing.shot.gauge_zero import MOVES_S, empty_bore_s, moving_zero_pa, zero_moves
 from recoil_processing.shot.kinematics import (
     AngularMotion,
@@ -145,11 +146,12 @@ def _recoil_of_line(mechanism: Line, fired: FiredShot, signals: Signals) -> Reco
     static = mechanism.at_rest["recoil_acceleration"]
     acceleration = bridge(line.acceleration_m_s2, otherwise=static) - static
     travel = DoubleIntegral.of(acceleration * line.driven, signals.start_s, signals.step_s)
-    low_pass, nothing = _low_pass(fired, signals), still(signals.times_s.size)
+    nothing = still(signals.times_s.size)
     try:
         regression = line_regression(signals, fired.rig, line)
     except IdentificationError as error:
-        return Recoil(signals, nothing, acceleration, travel, low_pass, None, str(error))
+        return Recoil(signals, nothing, acceleration, travel, _low_pass(fired, signals), None, str(error))
+    low_pass = _low_pass(fired, signals, regression.blow)
     sign = _sign_on_line(regression, fired.rig, low_pass)
     return Recoil(signals, nothing, acceleration, travel, low_pass, regression, sign=sign)
 
@@ -166,10 +168,11 @@ def _sign_on_line(regression: Regression, rig: Rig, low_pass: LowPass) -> Outcom
     return check_force_sign(force[drives], acceleration[drives], reversed_by=reversed_by)
 
 
-def _low_pass(fired: FiredShot, signals: Signals) -> LowPass:
-    """Return the checks' low-pass, which the slowest force can follow."""
+def _low_pass(fired: FiredShot, signals: Signals, blow: Blow | None = None) -> LowPass:
+    """Return the checks' low-pass, which the slowest force can follow, and which leaves a blow what it is."""
     rates = [one.recorded.time_base.rate_hz for force in fired.rig.forces for one in fired.of_force(force)[:1]]
-    return LowPass(min([CUTOFF_HZ, *(SLOWEST_SHARE * rate for rate in [*rates, signals.rate_hz] if rate > 0)]))
+    quickest_hz = CUTOFF_HZ if blow is None else max(CUTOFF_HZ, blow.cutoff_hz)
+    return LowPass(min([quickest_hz, *(SLOWEST_SHARE * rate for rate in [*rates, signals.rate_hz] if rate > 0)]))
 
 
 def check_motion(

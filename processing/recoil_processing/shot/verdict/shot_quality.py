@@ -44,7 +44,7 @@ from recoil_rigs.tables.calibration_day import CalibrationDay
 
 NO_REST = (
     "the record begins in motion: the zero of an accelerometer is known as its `u_zero_rel` says, to 1 % of its range "
-    "if left out; the noise at rest is taken for that of the quietest part"
+    "if left out; its noise is what the mass and the forces leave of it"
 )
 NONE_LEFT_OUT: Mapping[str, str] = MappingProxyType({})
 SHOWS_MOTION = 0.05
