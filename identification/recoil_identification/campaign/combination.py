@@ -44,7 +44,7 @@ from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import BORE_FRICTION
 
 LEAST_SHOTS = 2
-CERTIFICATES = (SourceKind.SENSOR_SCALE, SourceKind.STANDARD)
+CERTIFICATES = (SourceKind.SENSOR_SCALE, SourceKind.SENSOR_DYNAMIC, SourceKind.STANDARD)
 LEAST_MOVED_U = 0.5
 """By how much of its u what is contradicted has to move the mass to speak against it: of an interval that lies half a u
 beside its mass 92 % hold the truth, of one that lies on it 95 %."""
@@ -372,7 +372,7 @@ def _added(fit: JointFit) -> list[Learnt]:
 def _drives(influence: Influence) -> bool:
     """Return whether an influence is of the driving force, or of resistance that looks like less of it."""
     source = influence.source
-    of_breech = source.kind is SourceKind.SENSOR_SCALE and source.of == PRESSURE_ROLES[0]
+    of_breech = source.kind in CERTIFICATES and source.of == PRESSURE_ROLES[0]
     return of_breech or source in (SHARE, BORE_FRICTION)
 
 

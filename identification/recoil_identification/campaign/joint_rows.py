@@ -231,7 +231,7 @@ class JointRows(ReadOnlyArrays):
         return (
             *(Unknown(name, scope="rig", largest_step=LARGEST_STEP) for name in self.masses),
             *(Unknown(name, scope="rig") for name in self.added),
-            *(Unknown(one.identity, scope="sensor" if one.is_sensor else "rig") for one in self.influences),
+            *(Unknown(one.identity, scope=one.scope) for one in self.influences),
             *(Unknown(column.name, largest_step=LARGEST_STEP) for column in self.columns),
         )
 

@@ -165,7 +165,7 @@ class Scene:
             stored = np.asarray(stored + self._hum(spec, stored, at_s), dtype=np.float64)
         shift = self.settings.shift_share(role) * after_shot + self._moving_zero(role, spec, at_s)
         shared = self.scale_error(spec)
-        factor = self.gain_factor(spec)
+        factor = self.gain_factor(spec) * self.gain_in_pulses(spec)
         rest = self.settings.readings.rest_noise
         quieter = 1.0 if rest == 1.0 else np.where(motion.moves(at_s), 1.0, rest)
         stored, errors = digitise(
@@ -187,6 +187,12 @@ class Scene:
             return own
         part = sensor.u_reference_rel / sensor.u_scale_rel
         return math.sqrt(1.0 - part**2) * own + part * float(generator(seed, "standard", sensor.reference).normal())
+
+    def gain_in_pulses(self, spec: ChannelSpec) -> float:
+        """Return the factor on a gauge's gain in a pulse, by a draw from what no certificate at rest tells of it."""
+        if not (spec.u_dynamic_rel and self.settings.gain_errors):
+            return 1.0
+        return 1.0 + spec.u_dynamic_rel * float(generator(self.of_rig, "dynamic scale", spec.name).normal())
 
     def gain_factor(self, spec: ChannelSpec) -> float:
         """Return the factor on a sensor's gain that the campaign's plan has for this shot."""

@@ -99,16 +99,16 @@ def test_where_no_scale_is_known_the_added_mass_alone_tells_the_mass(added_kg: f
 
 
 def test_what_the_certificates_know_together_is_the_floor_of_any_number_of_equal_shots() -> None:
-    forces = 1 / math.sqrt(1 / 0.5**2 + 2 / 0.4**2 + 1 / 10**2)
+    forces = 1 / math.sqrt(1 / (0.5**2 + 0.5**2) + 2 / 0.4**2 + 1 / 10**2)
     motion = 1 / math.sqrt(1 / 0.1**2 + 1 / 0.5**2)
     nominal = NominalShot.of(782.0, 0.0, virtual())
     # n equal shots are one whose triangle is as large as the root of n
     endless = replace(nominal, summary=replace(nominal.summary, triangle=1e4 * nominal.summary.triangle))
     floor = 100 * predicted_u_rel([endless], Plan(1, scatter=NOTHING))
     assert floor == pytest.approx(math.hypot(forces, motion), rel=0.01)
-    assert floor == pytest.approx(0.265, abs=0.002)
+    assert floor == pytest.approx(0.280, abs=0.002)
     u_rel = [predicted_u_rel([nominal], Plan(shots, scatter=NOTHING)) for shots in (1, 8, 64)]
-    assert 0.36 > 100 * u_rel[0] > 100 * u_rel[1] > 100 * u_rel[2] > floor
+    assert 0.40 > 100 * u_rel[0] > 100 * u_rel[1] > 100 * u_rel[2] > floor
 
 
 def test_the_same_forces_on_a_heavier_part_turn_the_triangle_as_they_turn_its_rows() -> None:
