@@ -32,6 +32,7 @@ from recoil_identification.campaign.changes import (
 )
 from recoil_identification.campaign.charted import charted_residuals, charted_sensors
 from recoil_identification.campaign.constancy import changing_alone, shared_constancy
+from recoil_identification.campaign.gauge_scales import gauge_scales
 from recoil_identification.campaign.influence import Influence
 from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.joint_rows import JointRows
@@ -88,7 +89,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         for one in rows.influences
         if not one.is_shape
     )
-    constancy = shared_constancy(fit)
+    constancy, gauges = shared_constancy(fit), gauge_scales(fit)
     in_campaign = _used(ordered, fit, aside)
     residuals = {one.shot.name: one.normalised_residual for one in in_campaign if one.normalised_residual is not None}
     mechanisms = _mechanisms(fit)
@@ -105,6 +106,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         shots=in_campaign,
         mechanisms=mechanisms,
         common=common,
+        gauges=gauges,
         unread_force=_unread_force(fit),
         constancy=constancy,
         agreement=agreement,
@@ -120,6 +122,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         notes=(
             *_notes(used, rows),
             *(_note_on_idle(one, mechanisms[0].mass) for one in idle),
+            *(one.note() for one in gauges if one.is_told),
             *agreement.notes,
             *_notes_on_specification(mechanisms[0], in_campaign),
         ),
