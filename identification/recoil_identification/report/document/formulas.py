@@ -172,7 +172,8 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("budget.*_pressure sensitivity and area.u_source", Formula(
         "sqrt(u_rel^2 + (u_area / area)^2)", _CERTIFICATE, (), GAUGE_ROLES, OF_FORCES[:3])),
     ("budget.*dynamic scale.u_source", Formula(
-        "0.005 of a breech gauge whose certificate is not stated as dynamic", "Metrologia 55 (2018) S52: no standard of such pulses is better than U 1.5 %", (), ("breech_pressure",))),
+        "0.005 of a breech gauge whose certificate is not stated as dynamic",
+        "Metrologia 55 (2018) S52: the best standard of such pulses has U 1.5 %", (), ("breech_pressure",))),
     ("budget.packing friction.u_source", Formula("u_friction", _CERTIFICATE, (), (), ("friction",))),
     ("budget.recoil_acceleration sensitivity.u_source", Formula("u_rel", _CERTIFICATE, (), ("recoil_acceleration",))),
     ("budget.camera scale.u_source", Formula("u_rel", _CERTIFICATE, (), ("recoil_displacement",))),
