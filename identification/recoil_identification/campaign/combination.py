@@ -34,10 +34,11 @@ from recoil_identification.campaign.charted import charted_residuals, charted_se
 from recoil_identification.campaign.constancy import changing_alone, shared_constancy
 from recoil_identification.campaign.gauge_scales import gauge_scales
 from recoil_identification.campaign.influence import Influence
-from recoil_identification.campaign.joint_fit import JointFit
+from recoil_identification.campaign.joint_fit import JointFit, by_the_weight, joint_fit
 from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.campaign.mechanisms import mechanisms_of
 from recoil_identification.campaign.suspicion import CERTIFIED, WRITTEN, Suspicion
+from recoil_identification.estimate.rounding import in_kg
 from recoil_identification.rows.unread_resistance import SHARE
 from recoil_identification.shot.shot_summary import LN_MASS
 from recoil_processing.shot.error_source import SourceKind
@@ -77,20 +78,21 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
     agreement = agreement_of(fit)
     if (rows := weighed(fit.rows, agreement)) is not fit.rows:
         fit, changes = joint_fit_with_changes(replace(rows, columns=()))
+    constancy, added = shared_constancy(fit), _added(fit)
+    with_all, fit = fit, by_the_weight(fit, lambda rows: joint_fit(rows, rows.columns))
     rows = fit.rows
     common = tuple(
         Learnt(
             one,
-            fit.value(one.identity) * one.u,
-            fit.u(one.identity) * one.u,
-            fit.likeliest.estimate.normalised_residual(one.identity),
+            with_all.value(one.identity) * one.u,
+            with_all.u(one.identity) * one.u,
+            with_all.likeliest.estimate.normalised_residual(one.identity),
             fit.moves_kg(rows.mechanisms[0], one.identity),
         )
         for one in rows.influences
         if not one.is_shape
     )
-    constancy, gauges = shared_constancy(fit), gauge_scales(fit)
-    in_campaign = _used(ordered, fit, aside)
+    gauges, in_campaign = gauge_scales(fit), _used(ordered, fit, aside)
     residuals = {one.shot.name: one.normalised_residual for one in in_campaign if one.normalised_residual is not None}
     mechanisms = _mechanisms(fit)
     idle = without_consequence(common, mechanisms[0].mass)
@@ -98,7 +100,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         *doubted_signs(used),
         *_reasons_of(changes),
         *(() if constancy is None else constancy.reasons),
-        *contradictions([one for one in common if one not in idle], _added(fit)),
+        *contradictions([one for one in common if one not in idle], added),
         *agreement.reasons,
     ]
     return Campaign(
@@ -121,6 +123,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         reasons=tuple(reasons),
         notes=(
             *_notes(used, rows),
+            *([] if fit is with_all else [_note_on_weight(with_all, fit)]),
             *(_note_on_idle(one, mechanisms[0].mass) for one in idle),
             *(one.note() for one in gauges if one.is_told),
             *agreement.notes,
@@ -400,6 +403,18 @@ def _notes(used: Sequence[CampaignShot], rows: JointRows) -> list[Note]:
         if u == 0
     ]
     return notes
+
+
+def _note_on_weight(with_all: JointFit, fit: JointFit) -> Note:
+    """Say that the mass is by the weight, and what it would be otherwise."""
+    name = fit.rows.mechanisms[0]
+    (mass_kg, u_kg), forgotten = with_all.mass_kg(name), fit.rows.forgotten
+    gauges = ", ".join(one.source for one in fit.rows.influences if one.identity in forgotten)
+    text = (
+        f"the mass is by the weight of {', '.join(fit.rows.weighed)}: what was stated of {gauges} is not used; with it "
+        f"the mass is {in_kg(mass_kg, u_kg)}"
+    )
+    return Note(NoteCode.ADDED_MASS, None, text)
 
 
 def _notes_on_specification(mechanism: Mechanism, shots: Sequence[Used]) -> list[Note]:

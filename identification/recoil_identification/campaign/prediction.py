@@ -24,7 +24,7 @@ import numpy as np
 from recoil_identification.campaign.advice import Advised, weighed_to_kg, worked_out
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.changes import DRIFT, STEP, Candidate, candidates_of, least_gain
-from recoil_identification.campaign.joint_fit import JointFit, joint_fit_under
+from recoil_identification.campaign.joint_fit import JointFit, by_the_weight, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.campaign.mechanisms import UNNAMED
 from recoil_identification.rows.camera_rows import OTHER
@@ -199,7 +199,11 @@ def predicted_fit(nominal: Sequence[NominalShot], plan: Plan, *, halves: bool = 
             )
         )
     rows = JointRows.of(shots, {name: name for name in (UNNAMED, OTHER_PARTS)})
-    return joint_fit_under(rows, plan.scatter).before_any_shot
+
+    def fit(of: JointRows) -> JointFit:
+        return joint_fit_under(of, plan.scatter).before_any_shot
+
+    return by_the_weight(fit(rows), fit)
 
 
 def alone(plan: Plan) -> Plan:
