@@ -113,8 +113,12 @@ class Knowledge(DeclaredTable):
         """Return what is wrong with a weight of which only one half is stated."""
         if (self.weighed_mass_kg is None) == (self.u_weighed_mass_kg is None):
             return []
-        lacks, has = WEIGHT if self.weighed_mass_kg is None else WEIGHT[::-1]
-        return [Fault((lacks,), f"is missing: `{has}` needs it", FaultCode.MISSING)]
+        lacks, problem = (
+            ("weighed_mass_kg", "is missing: `u_weighed_mass_kg` needs it")
+            if self.weighed_mass_kg is None
+            else ("u_weighed_mass_kg", "is missing: `weighed_mass_kg` needs it")
+        )
+        return [Fault((lacks,), problem, FaultCode.MISSING)]
 
 
 KNOWLEDGE = "knowledge"
