@@ -62,7 +62,7 @@ class Influence:
 
     @property
     def scope(self) -> Scope:
-        """What shares it: all that a sensor measures, or all that is measured on a rig."""
+        """Reach of it: all that a sensor measures, or all that is measured on a rig."""
         return "sensor" if self.identity.startswith((OF_SENSOR, OF_DYNAMIC)) else "rig"
 
     @property

@@ -120,7 +120,7 @@ class ShotWork:
 
     @property
     def in_turn(self) -> AddedMass | None:
-        """What the next shot is to carry, until somebody says what it does; None where no weight is at hand."""
+        """Mass that the next shot is to carry, until somebody says what it does; None where no weight is at hand."""
         return None if self._options.weight is None or self.added_mass is not None else self._in_turn
 
     def _turn(self, name: str) -> None:
