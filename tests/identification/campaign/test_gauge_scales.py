@@ -16,26 +16,11 @@ from recoil_identification.campaign.combination import combine
 from recoil_identification.report.content import campaign_tables
 from recoil_identification.report.document.campaign_document import campaign_document
 from recoil_identification.report.sections import CAMPAIGN_SECTIONS
-from tests.builders.campaign_summaries import BRAKE, BREECH, MASS_KG, RECUPERATOR, campaign_of
+from tests.builders.campaign_summaries import BRAKE, BREECH, MASS_KG, RECUPERATOR, at_rest, campaign_of
 from tests.builders.planted_changes import moved
 
 WEIGHED, PLAIN = (0.0, 310.0) * 4, (0.0,) * 8
-DYNAMIC, BORE = "dynamic:breech_pressure:1", "rig:made up:bore_friction"
-
-
-def at_rest(shots: Sequence[CampaignShot], **more: float) -> list[CampaignShot]:
-    """Let what is known of the breech gauge's scale be what a certificate at rest tells, with other influences."""
-    found = []
-    for shot in shots:
-        assert shot.summary is not None
-        parameters = tuple(
-            replace(one, influences=(*one.influences, (DYNAMIC, 0.005), *more.items()))
-            if one.name == "ln breech_pressure"
-            else one
-            for one in shot.summary.parameters
-        )
-        found.append(replace(shot, summary=replace(shot.summary, parameters=parameters)))
-    return found
+BORE = "rig:made up:bore_friction"
 
 
 def reading(shots: Sequence[CampaignShot], by: float) -> list[CampaignShot]:
