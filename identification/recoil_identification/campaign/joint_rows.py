@@ -283,7 +283,7 @@ class JointRows(ReadOnlyArrays):
         of_column = any(one.parameter == parameter for one in self.columns)
         if np.unique(self.weight).size < 2 or parameter not in self.parameters or of_column:
             return self
-        moved = self.loads[:, self.parameters.index(parameter)].any(axis=0)
+        moved = self.loads[:, self.parameters.index(parameter)].sum(axis=0)
         gauges = [one.identity for one, moves in zip(self.influences, moved, strict=True) if moves and one.is_sensor]
         return replace(self, forgotten=frozenset(gauges))
 
