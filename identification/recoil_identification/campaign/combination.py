@@ -98,7 +98,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
     idle = without_consequence(common, mechanisms[0].mass)
     reasons = [
         *doubted_signs(used),
-        *_reasons_of(changes),
+        *_reasons_of(changes, rows),
         *(() if constancy is None else constancy.reasons),
         *contradictions([one for one in common if one not in idle], added),
         *agreement.reasons,
@@ -261,12 +261,14 @@ REMEDIES = {
 """Kinds of change that speak against the mass, with the codes of their reasons and what to do."""
 
 
-def _reasons_of(changes: Sequence[Change]) -> list[Reason]:
+def _reasons_of(changes: Sequence[Change], rows: JointRows) -> list[Reason]:
     """Say why no one mass describes shots among which it changed, or of which the shot log is wrong."""
     found = []
     for change in sorted((one for one in changes if one.kind in REMEDIES), key=lambda one: one.kind is not STEP):
         code, remedy = REMEDIES[change.kind]
-        found.append(Reason(code, change.influence, f"{change}: {remedy}"))
+        # a weight that is written wrong looks the same
+        weighed = f", and what {', '.join(rows.weighed)} really weigh" if change.kind is OFF and rows.weighed else ""
+        found.append(Reason(code, change.influence, f"{change}: {remedy}{weighed}"))
     return found
 
 

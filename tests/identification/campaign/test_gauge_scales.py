@@ -136,3 +136,13 @@ def test_the_budget_has_nothing_of_a_certificate_that_is_not_used() -> None:
     rows = {row.source: row.u_kg for row in found.budget}
     assert rows["breech_pressure scale, sensor 1"] < 0.05 * found.mass.u_kg
     assert np.hypot.reduce(list(rows.values())) == pytest.approx(found.mass.u_kg)
+
+
+def test_a_gauge_that_is_off_beyond_its_certificate_is_named_with_the_weight_that_looks_the_same() -> None:
+    found = off_by(-6.0)
+    (reason,) = found.reasons
+    assert reason.startswith("breech_pressure scale, sensor 1 is off by -")
+    assert reason.endswith("goes with it, and what 310 kg really weigh")
+    assert found.mass.mass_kg == pytest.approx(off_by(0.0).mass.mass_kg, abs=0.1 * found.mass.u_kg)
+    assert found.gauges[0].value == pytest.approx(off_by(0.0).gauges[0].value - 0.06, abs=0.003)
+    assert "really weigh" not in " ".join(combine(reading(campaign_of(PLAIN, seed=7).shots, -0.05)).reasons)
