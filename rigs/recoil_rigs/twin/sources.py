@@ -165,7 +165,7 @@ class Scene:
             stored = np.asarray(stored + self._hum(spec, stored, at_s), dtype=np.float64)
         shift = self.settings.shift_share(role) * after_shot + self._moving_zero(role, spec, at_s)
         shared = self.scale_error(spec)
-        factor = self.gain_factor(spec) * self.gain_in_pulses(spec)
+        factor = self.gain_factor(spec)
         rest = self.settings.readings.rest_noise
         quieter = 1.0 if rest == 1.0 else np.where(motion.moves(at_s), 1.0, rest)
         stored, errors = digitise(
@@ -195,8 +195,9 @@ class Scene:
         return 1.0 + spec.u_dynamic_rel * float(generator(self.of_rig, "dynamic scale", spec.name).normal())
 
     def gain_factor(self, spec: ChannelSpec) -> float:
-        """Return the factor on a sensor's gain that the campaign's plan has for this shot."""
-        return 1.0 if self.planned is None else self.planned.gain_factors.get(spec.name, 1.0)
+        """Return the factor on a sensor's gain that the campaign's plan has for this shot, and that of its pulse."""
+        planned = 1.0 if self.planned is None else self.planned.gain_factors.get(spec.name, 1.0)
+        return planned * self.gain_in_pulses(spec)
 
     def seen(self, role: str, spec: ChannelSpec, at_s: Array) -> Array:
         """Return what a camera sees of a role's quantity at instants of the reference clock, SI."""
