@@ -108,10 +108,11 @@ def test_areas_and_standards_are_the_rigs_and_gauges_the_sensors(rig, shot):
 @pytest.mark.whole_way
 def test_their_difference_is_told_far_better_than_either(both, shot):
     inferred = both.route.calibration.inferred
-    at = [[unknown.name for unknown in inferred.unknowns].index(f"ln {of_gauge(name)}") for name in (FIRST, SECOND)]
-    apart = 2 * np.array([1.0, -1.0])
-    u = math.sqrt(apart @ inferred.covariance[np.ix_(at, at)] @ apart)
-    assert u < 0.2 * 2 * inferred.u(f"ln {of_gauge(FIRST)}")
+    names = [unknown.name for unknown in inferred.unknowns]
+    at = [names.index(f"ln {of(name)}") for of in (of_gauge, dynamic_scale) for name in (FIRST, SECOND)]
+    apart, first = 2 * np.array([1.0, -1.0, 1.0, -1.0]), 2 * np.array([1.0, 0.0, 1.0, 0.0])
+    u, u_first = (math.sqrt(of @ inferred.covariance[np.ix_(at, at)] @ of) for of in (apart, first))
+    assert u < 0.2 * u_first
     readings = [np.asarray(shot.channels[name].samples) for name in (FIRST, SECOND)]
     readings = [samples - samples[:500].mean() for samples in readings]
     high = readings[1] > 0.2 * readings[1].max()
@@ -228,6 +229,7 @@ def test_scales_zeros_that_stand_and_move_and_delays_explain_all_differences(rig
         name = f"difference {number} of the gauges of breech_pressure"
         # of the mean's scale each gauge has its share
         values = {f"ln {of_gauge(gauge)}": g / count for gauge, g in zip(NAMES, scales, strict=False)}
+        values |= {f"ln {dynamic_scale(gauge)}": 0.0 for gauge in NAMES[:count]}
         values |= {f"zero, {name}": c @ zeros, f"delay, {name}": c @ delays_s}
         values |= {
             f"zero that moves in {1e3 * tau:g} ms, {name}": c @ q for q, tau in zip(moving, moves_s, strict=True)
