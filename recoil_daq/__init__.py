@@ -12,7 +12,7 @@ The public Python interface::
 
 Before the day, with the rig's table ``[twin]`` or a shot that was recorded on it::
 
-    expected = predict(load_rig("rig.toml"), shots=16, plan=CampaignPlan(added_mass_kg=120.0))
+    expected = predict(load_rig("rig.toml"), shots=16, plan=CampaignPlan(added_mass_kg=310.0))
     print(expected)
     print(expected.u_rel, expected.campaign, expected.what_if)
 

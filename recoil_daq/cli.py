@@ -42,7 +42,7 @@ COMMANDS = {
     "log": Command(
         "shots",
         "Show a shot's row of the shot log, or set cells of it: configuration, added mass, charge, why it is excluded.",
-        "recoil-daq log 0001 configuration=ring added_mass_kg=120 u_added_mass_kg=0.05",
+        "recoil-daq log 0001 configuration=ring added_mass_kg=310 u_added_mass_kg=0.05",
     ),
     "identify": Command(
         "masses",
@@ -67,14 +67,14 @@ COMMANDS = {
     "predict": Command(
         "virtual",
         "Say before the day how well shots and campaigns will tell the mass, and what would make it better.",
-        "recoil-daq predict mixed --shots 16 --added-mass 120 --with p_breech.u_rel=0.002, or of a stand"
+        "recoil-daq predict mixed --shots 16 --added-mass 310 --with p_breech.u_rel=0.002, or of a stand"
         " that has fired: recoil-daq predict rig.toml --from shots/0001.h5",
     ),
     "simulate": Command(
         "virtual",
         "Fire the virtual rig: write the instruments' own files, and truth.json, for every shot.",
         "recoil-daq simulate mixed --seed 7 --shots 3, or a campaign whose even shots carry a known "
-        "mass: recoil-daq simulate mixed --shots 8 --campaign-seed 3 --added-mass 120 --charges "
+        "mass: recoil-daq simulate mixed --shots 8 --campaign-seed 3 --added-mass 310 --charges "
         "1,1,0.8,0.8",
     ),
     "demo": Command(

@@ -34,7 +34,7 @@ LIVE_DEMO_SILENCE_S = 5.0
 """Silence before each of them, s: time for the mass of the one before."""
 CAMPAIGN_DEMO_SHOTS = 8
 CAMPAIGN_DEMO: dict[str, Any] = {
-    "added_mass_kg": 120.0,
+    "added_mass_kg": 310.0,
     "charges": (1.0, 1.0, 0.8, 0.8, 0.65, 0.65, 0.9, 0.9),
     "friction_scatter": 0.03,
 }

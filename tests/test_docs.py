@@ -96,7 +96,7 @@ def test_every_link_of_a_page_leads_somewhere(path: Path) -> None:
 @pytest.mark.indispensable("the first day")
 def test_the_first_day_is_as_the_readme_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # a file of the bundled rig's name is taken for it: the same rig with a shorter record
-    (tmp_path / "mixed").write_text(with_twin("mixed", **SHORTER).text, encoding="utf-8")
+    (tmp_path / "mixed").write_text(with_twin("mixed", **SHORTER | {"duration_s": 0.45}).text, encoding="utf-8")
     shutil.copy(find_rig("mixed").with_suffix(".dbc"), tmp_path)
     monkeypatch.chdir(tmp_path)
     shown = lines_of_shell(ROOT / "README.md", "example: first day")

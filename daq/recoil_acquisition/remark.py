@@ -110,6 +110,8 @@ class NoteCode(StrEnum):
     """Samples or quantities that the shot does not tell."""
     NEAR_LIMIT = "near limit"
     """A sensor that is within its limit by little."""
+    GAUGE_SCALE = "gauge scale"
+    """A gauge whose scale in the shots is told by them, and not by its certificate."""
     ZERO = "zero"
     """A zero that shifted, or that is not known."""
     ADDED_MASS = "added mass"

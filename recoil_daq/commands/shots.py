@@ -165,6 +165,7 @@ def _live(
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_rig
         from recoil_daq.live.acquisition import run_live
+        from recoil_daq.live.added_mass import weight_of
         from recoil_daq.live.shot import LiveOptions
         from recoil_daq.live.tables import live_display, print_session
         from recoil_rigs.rig import load_rig
@@ -172,9 +173,20 @@ def _live(
 
         refuse_no_rig(rig, "recoil-daq ingest RIG --live")
         loaded = load_rig(rig)
-        added = None if json or is_virtual_rig(loaded) else _asked_mass()
+        nobody = json or is_virtual_rig(loaded)
+        weight = None if nobody else weight_of(loaded.knowledge)
+        added = None if nobody or weight is not None else _asked_mass()
         options = LiveOptions(
-            out, shots, first, watch, files_within_s, spare, identify=identify, added_mass=added, without=without
+            out,
+            shots,
+            first,
+            watch,
+            files_within_s,
+            spare,
+            identify=identify,
+            added_mass=added,
+            weight=weight,
+            without=without,
         )
         with live_display(plain=no_screen, as_json=json) as display:
             done = run_live(loaded, options, display)

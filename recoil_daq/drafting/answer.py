@@ -127,6 +127,11 @@ def one_of(names: Sequence[str], *, or_none: bool = False) -> Read:
     return read
 
 
+def or_none(read: Read) -> Read:
+    """Take what `read` takes, or nothing: the key is left out."""
+    return lambda text: Answer(None) if text.strip() == NONE else read(text)
+
+
 def a_unit(others: Sequence[str]) -> Read:
     """Take a unit, or one of other spellings."""
 

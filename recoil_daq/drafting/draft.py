@@ -11,7 +11,7 @@ from typing import Any
 from recoil_acquisition.files.shot_name import numbers_of
 from recoil_acquisition.quantities.declaration import DeclaredTable
 from recoil_acquisition.quantities.quantity import find_unit
-from recoil_daq.drafting.answer import a_symbol, a_table, one_of
+from recoil_daq.drafting.answer import a_number, a_symbol, a_table, one_of, or_none
 from recoil_daq.drafting.drafted_channels import DraftedChannels
 from recoil_daq.drafting.evidence import Evidence
 from recoil_daq.drafting.recorded_source import RecordedSignal, RecordedSource
@@ -21,6 +21,7 @@ from recoil_rigs.mechanism.mechanism_parameters import MEANINGS, MechanismModel
 from recoil_rigs.mechanism.mechanism_table import model_of
 from recoil_rigs.mechanism.mechanisms import MECHANISMS
 from recoil_rigs.rig import SCHEMA
+from recoil_rigs.tables.knowledge import KNOWLEDGE, WEIGHT
 from recoil_rigs.tables.rig_tables import SHOT_PLACE, Alignment
 
 TRIGGER_SHARE, REARM_SHARE = 0.2, 0.1
@@ -55,7 +56,7 @@ def draft_tables(evidence: Evidence, left_out: Sequence[tuple[str, str]] = ()) -
         Names of the files that could not be read, and why each could not.
     """
     channels = DraftedChannels(evidence)
-    tables = [_head(evidence, complete=not left_out), _mechanism(evidence)]
+    tables = [_head(evidence, complete=not left_out), _mechanism(evidence), *_knowledge(evidence)]
     tables += [_source(evidence, source, channels.names) for source in evidence.sources]
     tables += [_without(name, why) for name, why in left_out]
     tables += channels.tables()
@@ -117,6 +118,32 @@ def _mechanism(evidence: Evidence) -> Table:
     elif evidence.roles.model is None:
         comments.append("No file has a pressure, so it may be one body on a line; a gun has no key `model`.")
     return Table("[mechanism]", tuple(entries), tuple(comments))
+
+
+def _knowledge(evidence: Evidence) -> Iterator[Table]:
+    """Take over what another rig knows beside certificates, and ask for the mass that is weighed and added."""
+    other = evidence.other
+    stated = {} if other is None else dict(other.table(KNOWLEDGE))
+    # what a finished rig leaves out is not asked for again
+    is_asked = evidence.model is not MechanismModel.LINE and (other is None or not other.written)
+    for key, question in _asked_of_weight().items():
+        if key not in stated and (is_asked or (other is not None and other.asks_to_know(key))):
+            stated[key] = question
+    if stated:
+        yield from _taken_over(KNOWLEDGE, stated)
+
+
+def _asked_of_weight() -> dict[str, Question]:
+    """Ask for the mass and its uncertainty; both may be left out."""
+    of_mass = (
+        "mass to add to every second shot, kg, a tenth to a half of m3: a scale; it tells how the breech gauge reads; "
+        "delete both lines if there is none"
+    )
+    of_u = f"standard uncertainty of {WEIGHT[0]}, kg: the scale's certificate; most lie between 0.01 and 0.5"
+    return {
+        WEIGHT[0]: Question(of_mass, read=or_none(a_number("kg", positive=True))),
+        WEIGHT[1]: Question(of_u, read=or_none(a_number("kg"))),
+    }
 
 
 def _question_of(symbol: str, model: MechanismModel) -> Question:
@@ -215,10 +242,9 @@ def _dateless(text: str) -> str:
 def _trigger(evidence: Evidence, channels: DraftedChannels) -> Iterator[Table]:
     """Yield the trigger: that of the other rig, or the level of the drive, behind comment signs."""
     if evidence.other is not None:
-        for key in ("trigger", "knowledge", "report", "twin"):
-            if key == "twin" or not (table := evidence.other.table(key)):
-                continue
-            yield from _taken_over(key, table)
+        for key in ("trigger", "report"):
+            if table := evidence.other.table(key):
+                yield from _taken_over(key, table)
         if evidence.other.table("trigger"):
             return
     for role in ("breech_pressure", "driving_force", "recoil_acceleration"):

@@ -276,16 +276,19 @@ def _row_of(certificate: Certificate) -> str:
 
 
 def _asked_of_sensor(quantity: str, role: Any, unit: str | None) -> Iterator[tuple[str, Question]]:
+    offered = role.proposal if isinstance(role, Question) else role
     yield "serial", Question("serial number, on the sensor and its certificate", read=as_text)
     meaning = "U / k of the sensitivity as a share: certificate, 1 % with k = 2 is 0.005; 0.001 to 0.03"
     yield "u_rel", Question(meaning, read=a_number("", U_REL))
+    if offered == "breech_pressure":
+        meaning = "how its certificate was found: static, at rest, or dynamic, in pulses like the shot's"
+        yield "calibration", Question(meaning, "static", one_of(("static", "dynamic")))
     if quantity != "displacement":
         shown = f", {unit}" if unit else ""
         meaning = f"[lowest, highest] of sensor and recorder{shown}: certificate, recorder's set-up"
         yield "range", Question(meaning, read=two_numbers(unit, rising=True))
     if quantity == "voltage":
         yield "sensitivity", Question('sensitivity as on the certificate, such as "40 mV/MPa"', read=a_sensitivity)
-    offered = role.proposal if isinstance(role, Question) else role
     if offered in _PLACED:
         body = "the recoiling part's centre of mass" if offered == _PLACED[0] else "the trunnion A"
         meaning = f"[along, across] from {body}, in the body's axes, m: drawing, ruler"

@@ -12,6 +12,7 @@ from recoil_acquisition.errors import Fault, FaultCode, ReadError, RigError
 from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.files.regular_file import read_small
 from recoil_acquisition.files.shot_name import composed
+from recoil_rigs.tables.knowledge import KNOWLEDGE
 from recoil_rigs.tables.open_values import question_of, without_open_values
 from recoil_rigs.tables.rig_tables import LAYOUT_KINDS, SHOT_PLACE
 
@@ -126,6 +127,10 @@ class OtherRig:
     def asks(self, source: str, signal: str, key: str) -> bool:
         """Whether a key of a signal's channel is still open in it."""
         return question_of(_row_of(_rows(self.written.get("channel")), source, signal).get(key)) is not None
+
+    def asks_to_know(self, key: str) -> bool:
+        """Whether a key of what is known beside certificates is still open in it."""
+        return question_of(_table(self.written.get(KNOWLEDGE)).get(key)) is not None
 
     def unmatched(self, sources: Collection[str], signals: frozenset[tuple[str, str]]) -> Iterator[str]:
         """Yield what it has that is in none of the files.

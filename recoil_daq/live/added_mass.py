@@ -11,6 +11,7 @@ from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.quantities.typed_quantity import typed_quantity
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
 from recoil_acquisition.store.shot_log_row import NUMBERS, ShotLogRow
+from recoil_rigs.tables.knowledge import Knowledge
 
 QUESTION = "added mass of the shots to come, kg, and its u (such as 12.5 0.05); - for not stated"
 NOT_STATED = "-"
@@ -93,6 +94,16 @@ class AddedMass:
     def __str__(self) -> str:
         exact = "" if not self.kg else ", taken as exact" if self.u_kg is None else f", u {self.u_kg:g} kg"
         return f"{self.kg:g} kg{exact}"
+
+
+BARE = AddedMass(0.0, 0.0)
+"""Nothing added."""
+
+
+def weight_of(knowledge: Knowledge) -> AddedMass | None:
+    """Return the mass that a rig has at hand for every second shot; None if it states none."""
+    kg = knowledge.weighed_mass_kg
+    return None if kg is None else AddedMass(kg, knowledge.u_weighed_mass_kg)
 
 
 class AddedMassEntry:

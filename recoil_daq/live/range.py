@@ -439,7 +439,7 @@ class LiveRange:
             return self._keys.asked
         if self._asking:
             return f"give up the shots that are not complete ({self._incomplete})? y give up, n complete them"
-        return self._files.asked if self._display.has_keys else ""
+        return (self._files.asked or self._keys.asked_in_turn) if self._display.has_keys else ""
 
     @property
     def _incomplete(self) -> str:

@@ -48,6 +48,12 @@ class RangeKeys:
             return str(self._entry)
         return "" if self._question is None else self._question.text
 
+    @property
+    def asked_in_turn(self) -> str:
+        """Whether the next shot carries what it is to; empty where no weight is at hand, or it was said."""
+        carries = self._work.in_turn
+        return "" if carries is None else f"does shot {self._work.next_name} carry {carries}? y yes, m another"
+
     def look(self, session: LiveSession) -> bool:
         """Do what a key says, if one was pressed; return whether the session is to end."""
         key = self._display.key()
@@ -76,6 +82,8 @@ class RangeKeys:
             shot, names = next(iter(waiting.items()))
             text = f"shot {shot.name} waits for {', '.join(names)}: did not fire, go on without? y yes, n wait"
             self._ask(text, partial(self._go_on_without, shot, names))
+        elif key == "y" and not self._files.asked and (carries := self._work.in_turn) is not None:
+            self._state_mass(carries)
         else:
             self._files.answered(key)
         return key == "q"
@@ -118,6 +126,10 @@ class RangeKeys:
         except ValueError as error:
             self._display.notice(f"added mass as before: {error}")
             return
+        self._state_mass(added)
+
+    def _state_mass(self, added: AddedMass | None) -> None:
+        """Take what the shots to come carry."""
         self._work.added_mass = added
         stated = "not stated" if added is None else "; ".join([str(added), *added.doubts])
         self._display.notice(f"added mass of the shots to come: {stated}")

@@ -209,6 +209,9 @@ class LiveOptions:
         Whether every usable shot is identified while the session goes on.
     added_mass
         Mass that the shots to come carry, until somebody at the keys states another; None if nobody stated any.
+    weight
+        Mass that every second shot is to carry: from shot to shot it is asked whether the next one does. None if there
+        is none.
     without
         Sources that are left out of the session: no device of theirs is opened, and no file waited for.
     """
@@ -221,6 +224,7 @@ class LiveOptions:
     spare: Path | None = None
     identify: bool = False
     added_mass: AddedMass | None = None
+    weight: AddedMass | None = None
     without: tuple[str, ...] = ()
 
 

@@ -55,6 +55,12 @@ def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
         [_common(one) for one in d["common"]],
         numeric=(1, 2, 3, 4),
     )
+    print_table(
+        "Dynamic scale of each gauge: by how much it reads its force too large in these shots",
+        ("gauge", "known to, %", "found, %", "u now, %", "with", "the gauge alone, %", "its u, %"),
+        [_gauge(one) for one in d["gauges"]],
+        numeric=(1, 2, 3, 5, 6),
+    )
     gain, friction = d["repeatability"]["gain_rel"], d["repeatability"]["friction_rel"]
     say(
         f"from shot to shot gains scatter by {100 * gain['value']:.3f} % (95 %: {100 * gain['U95'][0]:.3f} to "
@@ -150,6 +156,15 @@ def _shot(shot: Mapping[str, Any]) -> tuple[str, ...]:
         "valid" if shot["valid"] else "not valid",
         shot["excluded"] or "",
     )
+
+
+def _gauge(one: Mapping[str, Any]) -> tuple[str, ...]:
+    own = one["gauge"]
+    found = (f"{100 * share:{places}f}" for share, places in (
+        (one["known_u"], ".2"), (one["value"], "+.2"), (one["u"], ".2"), (own["value"], "+.2"), (own["u"], ".2")
+    ))  # fmt: skip
+    known, value, u, of_gauge, u_gauge = found
+    return f"{one['force']}, sensor {one['sensors']}", known, value, u, ", ".join(one["beside"]), of_gauge, u_gauge
 
 
 def _common(one: Mapping[str, Any]) -> tuple[str, ...]:

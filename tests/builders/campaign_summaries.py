@@ -9,7 +9,7 @@ their columns are beside these, and those of a mass that changes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ NAMES = (
 BREECH, BRAKE, RECUPERATOR = (
     f"sensor:{role}_pressure:{serial}" for role, serial in (("breech", 1), ("brake", 2), ("recuperator", 3))
 )
+DYNAMIC = "dynamic:breech_pressure:1"
 ACCELEROMETER, FRICTION = "sensor:recoil_acceleration:4", "rig:made up:friction"
 INFLUENCES = (BREECH, BRAKE, RECUPERATOR, FRICTION, ACCELEROMETER)
 U = (0.005, 0.004, 0.004, 0.1, 0.005)
@@ -218,3 +219,18 @@ def campaign_of(
     return Drawn(
         tuple(shots), MASS_KG, dict(zip((*INFLUENCES, SHARE), [*errors.tolist(), *common[:1].tolist()], strict=False))
     )
+
+
+def at_rest(shots: Sequence[CampaignShot], **more: float) -> list[CampaignShot]:
+    """Let what is known of the breech gauge's scale be what a certificate at rest tells, with other influences."""
+    found = []
+    for shot in shots:
+        assert shot.summary is not None
+        parameters = tuple(
+            replace(one, influences=(*one.influences, (DYNAMIC, 0.005), *more.items()))
+            if one.name == "ln breech_pressure"
+            else one
+            for one in shot.summary.parameters
+        )
+        found.append(replace(shot, summary=replace(shot.summary, parameters=parameters)))
+    return found

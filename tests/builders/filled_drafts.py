@@ -12,7 +12,7 @@ from recoil_acquisition.files.bounded_toml import toml_value
 from recoil_rigs.rig import find_rig
 
 Typed = Mapping[str, Mapping[str, Any]]
-"""Values by table: ``mechanism``, or the name of a source or a channel."""
+"""Values by table: ``mechanism``, ``knowledge``, or the name of a source or a channel."""
 _HEADING = re.compile(r"\[+([\w.]+)\]+")
 _KEY = re.compile(r'([\w-]+) = "TODO')
 _NAME = re.compile(r'name = "(.*)"')
@@ -25,7 +25,7 @@ def filled(text: str, typed: Typed) -> str:
     for line in text.splitlines():
         heading, name, key = _HEADING.match(line), _NAME.match(line), _KEY.match(line)
         if heading:
-            table = heading[1] if heading[1] == "mechanism" else table
+            table = heading[1] if heading[1] in ("mechanism", "knowledge") else table
         if name:
             table = name[1]
         if key and key[1] in typed.get(table, {}):
@@ -49,9 +49,11 @@ MECHANISM = (
     "m3", "phi20", "friction", "u_friction", "XA", "YA", "b", "d", "phi10", "bore_area", "brake_area",
     "recuperator_area",
 )  # fmt: skip
+WEIGHT = {"weighed_mass_kg": 310.0, "u_weighed_mass_kg": 0.05}
+"""Mass that is added to every second shot."""
 _COLUMNS = (
     "serial", "model", "signal", "quantity", "unit", "range_low", "range_high", "U_percent", "k", "calibrated", "due",
-    "zero_percent", "filter_hz", "filter_type", "filter_order", "delay_s",
+    "calibration", "zero_percent", "filter_hz", "filter_type", "filter_order", "delay_s",
 )  # fmt: skip
 
 
@@ -76,6 +78,8 @@ def certificates_of(rig: str, signals: Mapping[str, str]) -> str:
         cells |= {key: channel[key] for key in ("quantity", "unit")}
         cells["signal"] = signals.get(channel["signal"], channel["signal"])
         cells |= {"U_percent": f"{200 * sensor['u_rel']:g}", "k": 2}
+        if channel.get("role") == "breech_pressure":
+            cells["calibration"] = "static"
         if "range" in sensor:
             cells["range_low"], cells["range_high"] = sensor["range"]
         if "u_zero_rel" in sensor:

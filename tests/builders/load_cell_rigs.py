@@ -42,7 +42,9 @@ def rig_with_load_cells(
         Of the virtual rig, in the place of those of the file.
     """
     kind = with_twin(base)
-    head, _, tail = kind.text.partition("[twin]\n")
+    # what ten combinations need of the breech gauge is a certificate of pulses
+    dynamic = kind.text.replace('serial = "V301",', 'serial = "V301", calibration = "dynamic",')
+    head, _, tail = dynamic.partition("[twin]\n")
     cells = [
         f'[[channel]]\nname = "{role}"\nsource = "dewetron"\nsignal = "AI {20 + i}/{role}"\n'
         f'quantity = "{CELLS[role][0]}"\nunit = "{CELLS[role][1]}"\nrole = "{role}"\n'

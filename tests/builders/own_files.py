@@ -27,17 +27,17 @@ BO_ 416 Knoten: 8 Knoten
  SG_ Zaehler : 32|8@1+ (1,0) [0|255] "" Rekorder
 """
 CERTIFICATES = """\
-serial;model;signal;quantity;unit;range_low;range_high;sensitivity;sensitivity_unit;zero_volts;U_percent;k;calibrated;due;zero_percent;filter_hz;filter_type;filter_order;delay_s;distortion_mm
-V101;piezoresistiv;Rohr;acceleration;m/s2;-5000;5000;0,4;mV/(m/s2);;1;2;15.01.2026;31.12.2099;;;;;;
-V102;kapazitiv;Lafette längs;acceleration;g;-20;20;100;mV/g;2,5;2;2;15.01.2026;31.12.2099;;;;;;
-V103;kapazitiv;Lafette quer;acceleration;g;-20;20;100;mV/g;2,5;2;2;15.01.2026;31.12.2099;;;;;;
-V301;Druckaufnehmer;Kammer;pressure;MPa;-25;250;40;mV/MPa;;1;2;15.01.2026;31.12.2099;0,1;;;;;
-V302;Druckaufnehmer;Knoten.p_Bremse;pressure;MPa;-1,6;16;;;;0,8;2;15.01.2026;31.12.2099;0,1;800;bessel;4;0,00042;
-V303;Druckaufnehmer;Knoten.p_Vorholer;pressure;MPa;-0,6;6;;;;0,8;2;15.01.2026;31.12.2099;0,1;800;bessel;4;0,00042;
-V401;Kamera;Marke1 X;displacement;mm;;;;;;0,2;2;15.01.2026;31.12.2099;;;;;;0,1
-V501;Kreisel;i16_at_8;angular_rate;rad/s;-1;1;;;;2;2;15.01.2026;31.12.2099;;250;bessel;4;0,00135;
-V501;Kreisel;i16_at_10;angular_rate;rad/s;-1;1;;;;2;2;15.01.2026;31.12.2099;;250;bessel;4;0,00135;
-V501;Kreisel;i16_at_12;acceleration;g;-20;20;;;;4;2;15.01.2026;31.12.2099;;250;bessel;4;0,00135;
+serial;model;signal;quantity;unit;range_low;range_high;sensitivity;sensitivity_unit;zero_volts;U_percent;k;calibrated;due;zero_percent;filter_hz;filter_type;filter_order;delay_s;distortion_mm;calibration
+V101;piezoresistiv;Rohr;acceleration;m/s2;-5000;5000;0,4;mV/(m/s2);;1;2;15.01.2026;31.12.2099;;;;;;;
+V102;kapazitiv;Lafette längs;acceleration;g;-20;20;100;mV/g;2,5;2;2;15.01.2026;31.12.2099;;;;;;;
+V103;kapazitiv;Lafette quer;acceleration;g;-20;20;100;mV/g;2,5;2;2;15.01.2026;31.12.2099;;;;;;;
+V301;Druckaufnehmer;Kammer;pressure;MPa;-25;250;40;mV/MPa;;1;2;15.01.2026;31.12.2099;0,1;;;;;;static
+V302;Druckaufnehmer;Knoten.p_Bremse;pressure;MPa;-1,6;16;;;;0,8;2;15.01.2026;31.12.2099;0,1;800;bessel;4;0,00042;;
+V303;Druckaufnehmer;Knoten.p_Vorholer;pressure;MPa;-0,6;6;;;;0,8;2;15.01.2026;31.12.2099;0,1;800;bessel;4;0,00042;;
+V401;Kamera;Marke1 X;displacement;mm;;;;;;0,2;2;15.01.2026;31.12.2099;;;;;;0,1;
+V501;Kreisel;i16_at_8;angular_rate;rad/s;-1;1;;;;2;2;15.01.2026;31.12.2099;;250;bessel;4;0,00135;;
+V501;Kreisel;i16_at_10;angular_rate;rad/s;-1;1;;;;2;2;15.01.2026;31.12.2099;;250;bessel;4;0,00135;;
+V501;Kreisel;i16_at_12;acceleration;g;-20;20;;;;4;2;15.01.2026;31.12.2099;;250;bessel;4;0,00135;;
 """
 
 Array = NDArray[np.float64]

@@ -307,6 +307,7 @@ def test_what_is_taken_as_exact_is_said_in_check_verdict_and_report(run, field_s
         "none is taken, 0 kg: carried_mass",
         "0 +- 0.2 % of the peak resistance: unread_force",
         "nothing that the breech chain does is taken until stated: muzzle_brake, tube_axial_hz, p_breech",
+        "scale in a pulse known to 0.5 % only: p_breech",
         "delay of 0 +- 2 ms: p_recuperator",
         "no calibration standard in common (1 % of one would be 1 % of the mass): p_breech, p_brake, p_recuperator",
     ]

@@ -1001,6 +1001,15 @@ def test_a_measured_muzzle_velocity_takes_the_place_of_the_rigs(u_m_s: float | N
     assert (projectile.u_common_rel, projectile.u_own_rel) == (0.0, stands_m_s / 660.0)
 
 
+def test_a_mass_at_hand_is_stated_with_how_well_it_is_weighed() -> None:
+    text, path = load_rig("field-2013").text, find_rig("field-2013")
+    rig = parse_rig(f"{text}\n[knowledge]\nweighed_mass_kg = 310.0\nu_weighed_mass_kg = 0.05\n", path)
+    assert (rig.knowledge.weighed_mass_kg, rig.knowledge.u_weighed_mass_kg) == (310.0, 0.05)
+    for stated, lacks in (("weighed_mass_kg = 310.0", "u_weighed"), ("u_weighed_mass_kg = 0.05", "weighed")):
+        with pytest.raises(RigError, match=rf"knowledge\.{lacks}_mass_kg: is missing: `\w+` needs it"):
+            parse_rig(f"{text}\n[knowledge]\n{stated}\n", path)
+
+
 def test_a_rig_that_states_no_projectile_takes_no_muzzle_velocity() -> None:
     rig = rig_of(RIG)
     assert rig.with_muzzle_velocity(660.0, 0.5) is rig

@@ -28,7 +28,7 @@ from recoil_identification.rows.row_noise import PROPORTIONAL
 from recoil_processing.noise import welch_satterthwaite
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.gauge_zero import MOVES_S, moving_zero_pa, zero_moves
-from recoil_processing.shot.sensor_scales import of_gauge
+from recoil_processing.shot.sensor_scales import dynamic_scale, of_gauge
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import Rig
 
@@ -90,13 +90,19 @@ def gauge_agreement(signals: Signals, rig: Rig, interval_s: tuple[float, float])
             own = [(unknown, u, shape) for unknown, u, shape in own if math.isfinite(u)]
             difference = np.sum([c * one.samples for c, one in zip(weights, gauges, strict=True)], axis=0)
             noise = max(of_all(one.offset.noise for one in gauges), LEAST_NOISE_PA)
+            scales = [(f"ln {of_gauge(one.channel)}", c) for c, one in zip(weights, gauges, strict=True)]
+            scales += [
+                (f"ln {dynamic_scale(one.channel)}", c)
+                for c, one in zip(weights, gauges, strict=True)
+                if rig.channel(one.channel).u_dynamic_rel
+            ]
             values = np.column_stack([
-                *(len(gauges) * c * mean for c in weights), *(shape for *_, shape in own), difference, mean
+                *(len(gauges) * c * mean for _, c in scales), *(shape for *_, shape in own), difference, mean
             ])[used]  # fmt: skip
             means = np.column_stack([np.bincount(places, column) for column in values.T]) / each[:, np.newaxis]
             sigma = np.hypot(noise / np.sqrt(each), PROPORTIONAL * means[:, -1])
             means = means / sigma[:, np.newaxis]
-            unknowns = (*(f"ln {of_gauge(one.channel)}" for one in gauges), *(unknown.name for unknown, *_ in own))
+            unknowns = (*(name for name, _ in scales), *(unknown.name for unknown, *_ in own))
             rows.append(LinearBlock(unknowns, means[:, :-2], means[:, -2], 1.0))
             found += [unknown for unknown, *_ in own]
             priors += [

@@ -18,7 +18,7 @@ import numpy as np
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.campaign.constancy import CHANGES, beside_shared_change
-from recoil_identification.campaign.joint_fit import JointFit, Trial, joint_fit_under
+from recoil_identification.campaign.joint_fit import JointFit, Trial, by_the_weight, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.estimate.rounding import in_kg
 
@@ -222,7 +222,8 @@ def _apart(fit: JointFit, between: Misfit) -> tuple[Apart, ...]:
         left = _between(others, alike)
         gone = Misfit(max(between.size - left.size, 0.0), between.degrees_of_freedom - left.degrees_of_freedom)
         if gone.probability * len(rows.shots) < LEAST_OWN:
-            found.append(Apart(shot.name, gone, *without.mass_kg(rows.mechanisms[0])))
+            told = by_the_weight(without, lambda of: joint_fit_under(of, best.scatter))
+            found.append(Apart(shot.name, gone, *told.mass_kg(rows.mechanisms[0])))
     return tuple(sorted(found, key=lambda one: one.misfit.probability))
 
 

@@ -15,6 +15,7 @@ from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.changes import Change
 from recoil_identification.campaign.charted import Charted
 from recoil_identification.campaign.constancy import SharedConstancy
+from recoil_identification.campaign.gauge_scales import GaugeScale
 from recoil_identification.campaign.influence import Influence
 from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.next_steps import NextStep, next_steps
@@ -154,6 +155,8 @@ class Campaign:
         The one that was fired first comes first; the others have other parts.
     common
         Knowledge of each influence that the shots share, but for the shapes of the force that no gauge reads.
+    gauges
+        Scale of each gauge in the shots.
     unread_force
         Size of that force; None where the shots state none.
     constancy
@@ -184,6 +187,7 @@ class Campaign:
     shots: tuple[Used, ...]
     mechanisms: tuple[Mechanism, ...]
     common: tuple[Learnt, ...]
+    gauges: tuple[GaugeScale, ...]
     unread_force: UnreadForce | None
     constancy: SharedConstancy | None
     agreement: Agreement

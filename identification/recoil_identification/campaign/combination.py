@@ -33,12 +33,14 @@ from recoil_identification.campaign.changes import (
 )
 from recoil_identification.campaign.charted import charted_residuals, charted_sensors
 from recoil_identification.campaign.constancy import changing_alone, shared_constancy
+from recoil_identification.campaign.gauge_scales import gauge_scales
 from recoil_identification.campaign.influence import Influence
-from recoil_identification.campaign.joint_fit import JointFit, joint_fit
+from recoil_identification.campaign.joint_fit import JointFit, by_the_weight, joint_fit
 from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.campaign.mechanisms import mechanisms_of
 from recoil_identification.campaign.suspects import SharedSuspicion, shared_suspicion
 from recoil_identification.campaign.suspicion import CERTIFIED, WRITTEN, Suspicion
+from recoil_identification.estimate.rounding import in_kg
 from recoil_identification.rows.unread_resistance import SHARE
 from recoil_identification.shot.shot_summary import LN_MASS
 from recoil_processing.shot.error_source import SourceKind
@@ -48,7 +50,7 @@ from recoil_processing.shot.sensor_scales import BORE_FRICTION
 LEAST_SHOTS = 2
 LITTLE = 0.8
 """Change of the mass by what nobody stated, in its standard uncertainties, which its interval holds."""
-CERTIFICATES = (SourceKind.SENSOR_SCALE, SourceKind.STANDARD)
+CERTIFICATES = (SourceKind.SENSOR_SCALE, SourceKind.SENSOR_DYNAMIC, SourceKind.STANDARD)
 LEAST_MOVED_U = 0.5
 """By how much of its u what is contradicted has to move the mass to speak against it: of an interval that lies half a u
 beside its mass 92 % hold the truth, of one that lies on it 95 %."""
@@ -85,32 +87,33 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
     if (lighter := weighed(fit.rows, agreement)) is not fit.rows:
         base = replace(lighter, columns=base.columns)
         fit, changes = joint_fit_with_changes(base)
+    constancy, added = shared_constancy(fit), _added(fit)
+    with_all, fit = fit, by_the_weight(fit, joint_fit)
     plain = fit
     if base.columns:
-        plain = joint_fit(base.with_columns([one for one in fit.rows.columns if one not in base.columns]))
+        plain = joint_fit(fit.rows.with_columns([one for one in fit.rows.columns if one not in base.columns]))
     suspicion = shared_suspicion(plain)
     rows = fit.rows
     common = tuple(
         Learnt(
             one,
-            fit.value(one.identity) * one.u,
-            fit.u(one.identity) * one.u,
-            fit.likeliest.estimate.normalised_residual(one.identity),
+            with_all.value(one.identity) * one.u,
+            with_all.u(one.identity) * one.u,
+            with_all.likeliest.estimate.normalised_residual(one.identity),
             fit.moves_kg(rows.mechanisms[0], one.identity),
         )
         for one in rows.influences
         if not one.is_shape
     )
-    constancy = shared_constancy(fit)
-    in_campaign = _used(ordered, fit, aside)
+    gauges, in_campaign = gauge_scales(fit), _used(ordered, fit, aside)
     residuals = {one.shot.name: one.normalised_residual for one in in_campaign if one.normalised_residual is not None}
     mechanisms = _mechanisms(plain, suspicion)
     idle = without_consequence(common, mechanisms[0].mass)
     reasons = [
         *doubted_signs(used),
-        *_reasons_of(changes),
+        *_reasons_of(changes, rows),
         *(() if constancy is None else constancy.reasons),
-        *contradictions([one for one in common if one not in idle], _added(fit)),
+        *contradictions([one for one in common if one not in idle], added),
         *agreement.reasons,
     ]
     told = [] if suspicion is None or not base.columns else [suspicion]
@@ -123,6 +126,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         shots=in_campaign,
         mechanisms=mechanisms,
         common=common,
+        gauges=gauges,
         unread_force=_unread_force(fit),
         constancy=constancy,
         agreement=agreement,
@@ -138,7 +142,9 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         notes=(
             *_notes(used, rows),
             *(Note(NoteCode.NEAR_LIMIT, one.source, f"{one}; its interval holds that") for one in told if not by_much),
+            *([] if fit is with_all else [_note_on_weight(with_all, fit)]),
             *(_note_on_idle(one, mechanisms[0].mass) for one in idle),
+            *(one.note() for one in gauges if one.is_told),
             *agreement.notes,
             *_notes_on_specification(mechanisms[0], in_campaign),
         ),
@@ -301,12 +307,14 @@ REMEDIES = {
 """Kinds of change that speak against the mass, with the codes of their reasons and what to do."""
 
 
-def _reasons_of(changes: Sequence[Change]) -> list[Reason]:
+def _reasons_of(changes: Sequence[Change], rows: JointRows) -> list[Reason]:
     """Say why no one mass describes shots among which it changed, or of which the shot log is wrong."""
     found = []
     for change in sorted((one for one in changes if one.kind in REMEDIES), key=lambda one: one.kind is not STEP):
         code, remedy = REMEDIES[change.kind]
-        found.append(Reason(code, change.influence, f"{change}: {remedy}"))
+        # a weight that is written wrong looks the same
+        weighed = f", and what {', '.join(rows.weighed)} really weigh" if change.kind is OFF and rows.weighed else ""
+        found.append(Reason(code, change.influence, f"{change}: {remedy}{weighed}"))
     return found
 
 
@@ -418,7 +426,7 @@ def _added(fit: JointFit) -> list[Learnt]:
 def _drives(influence: Influence) -> bool:
     """Return whether an influence is of the driving force, or of resistance that looks like less of it."""
     source = influence.source
-    of_breech = source.kind is SourceKind.SENSOR_SCALE and source.of == PRESSURE_ROLES[0]
+    of_breech = source.kind in CERTIFICATES and source.of == PRESSURE_ROLES[0]
     return of_breech or source in (SHARE, BORE_FRICTION)
 
 
@@ -443,6 +451,18 @@ def _notes(used: Sequence[CampaignShot], rows: JointRows) -> list[Note]:
         if u == 0
     ]
     return notes
+
+
+def _note_on_weight(with_all: JointFit, fit: JointFit) -> Note:
+    """Say that the mass is by the weight, and what it would be otherwise."""
+    name = fit.rows.mechanisms[0]
+    (mass_kg, u_kg), forgotten = with_all.mass_kg(name), fit.rows.forgotten
+    gauges = ", ".join(one.source for one in fit.rows.influences if one.identity in forgotten)
+    text = (
+        f"the mass is by the weight of {', '.join(fit.rows.weighed)}: what was stated of {gauges} is not used; with it "
+        f"the mass is {in_kg(mass_kg, u_kg)}"
+    )
+    return Note(NoteCode.ADDED_MASS, None, text)
 
 
 def _notes_on_specification(mechanism: Mechanism, shots: Sequence[Used]) -> list[Note]:

@@ -9,13 +9,14 @@ from types import MappingProxyType
 
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.estimate.mass import FRICTION
+from recoil_identification.inference.unknown import Scope
 from recoil_identification.rows.breech_chain import chain_source
 from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.causes import DISTORTIONS, delay_of_gauge
 from recoil_identification.rows.known_forces import declared_source
 from recoil_identification.rows.sensor_priors import RELEASE
 from recoil_identification.rows.unread_resistance import SHARE, SLIDE
-from recoil_identification.shot.shot_summary import OF_SENSOR, OF_SHAPE, OF_STANDARD
+from recoil_identification.shot.shot_summary import OF_DYNAMIC, OF_SENSOR, OF_SHAPE, OF_STANDARD
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import BORE_FRICTION
 from recoil_rigs.tables.force_input import AREAS
@@ -60,6 +61,11 @@ class Influence:
         return self.identity.startswith(OF_SENSOR)
 
     @property
+    def scope(self) -> Scope:
+        """Reach of it: all that a sensor measures, or all that is measured on a rig."""
+        return "sensor" if self.identity.startswith((OF_SENSOR, OF_DYNAMIC)) else "rig"
+
+    @property
     def is_shape(self) -> bool:
         """True for one shape of the force that no gauge reads, which is no error of anything that is stated."""
         return self.source.kind is SourceKind.UNREAD_SHAPE
@@ -82,6 +88,8 @@ def source_of(identity: str) -> ErrorSource:
 
     >>> str(source_of("sensor:breech_pressure:4711:2026-03-01"))
     'breech_pressure scale, sensor 4711'
+    >>> str(source_of("dynamic:breech_pressure:4711"))
+    'breech_pressure dynamic scale, sensor 4711'
     >>> str(source_of("rig:mixed:bore_area"))
     'bore_area'
     >>> str(source_of("rig:mixed:declared load on p:1"))
@@ -93,6 +101,9 @@ def source_of(identity: str) -> ErrorSource:
     if f"{kind}:" == OF_SENSOR:
         role, _, sensor = rest.partition(":")
         return ErrorSource(SourceKind.SENSOR_SCALE, role, re.sub(r":[0-9-]{10}$", "", sensor))
+    if f"{kind}:" == OF_DYNAMIC:
+        role, _, sensor = rest.partition(":")
+        return ErrorSource(SourceKind.SENSOR_DYNAMIC, role, sensor)
     if f"{kind}:" == OF_STANDARD:
         return ErrorSource(SourceKind.STANDARD, rest)
     if (of_force := declared_source(identity)) is not None:

@@ -18,7 +18,7 @@ Bayesian Analysis 1(3), 2006), at factors that are geometrically spaced.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -26,7 +26,7 @@ import numpy as np
 
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.numerics.read_only import ReadOnlyArrays
-from recoil_identification.campaign.joint_rows import Column, JointRows, Scatter, WhiteRows
+from recoil_identification.campaign.joint_rows import FORGOTTEN, Column, JointRows, Scatter, WhiteRows
 from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.solve import solve
@@ -43,6 +43,10 @@ FORCES = (1.0, 1.5, 2.2, 3.3, 5.0)
 """Factors on what the rig states of the force that no gauge reads."""
 LEAST_WEIGHT = 0.01
 """Share of the largest probability of a scatter, below which other sizes of that force are not tried with it."""
+
+
+MOST_COST = 1.1
+"""Factor on the standard uncertainty of the mass, up to which it is taken by the weight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +191,9 @@ class JointFit(ReadOnlyArrays):
         mass_kg, u_kg = self.mass_kg(mechanism)
         name = self.rows.masses[self.rows.mechanisms.index(mechanism)]
         # a sensor that reads high has a value that lies too low; what was weighed too heavy makes the rest too light
-        sources = {one.identity: (one.source, one.u, one.unit, -1.0) for one in self.rows.influences}
+        counted = {one.identity: one.u for one in self.rows.influences}
+        counted |= {identity: FORGOTTEN * counted[identity] for identity in self.rows.forgotten}
+        sources = {one.identity: (one.source, counted[one.identity], one.unit, -1.0) for one in self.rows.influences}
         for of_weight, (_, u_added_kg) in zip(self.rows.added, self.rows.weights, strict=True):
             sources[of_weight] = (of_weight, u_added_kg, "kg", 1.0)
         scopes = {one.name: one.scope for one in self.rows.all_unknowns}
@@ -262,6 +268,25 @@ def joint_fit_under(rows: JointRows, scatter: Scatter) -> JointFit:
     first = _trial(white, FORCES[0], None)
     trials = [first, *(_other_forces(white, first) if rows.shapes else ())]
     return JointFit(rows, tuple(trials), _weights(trials))
+
+
+def by_the_weight(fit: JointFit, anew: Callable[[JointRows], JointFit]) -> JointFit:
+    """Take the mass by the weight, where shots with two tell it nearly as well without the certificate of what drives.
+
+    What a certificate says of a gauge that is off by more than it allows would draw the mass to itself.
+
+    Parameters
+    ----------
+    fit
+        Fit that uses all that was stated; it is returned where there is no second weight, or too light a one.
+    anew
+        Function that fits other rows like it.
+    """
+    rows, mass = fit.rows.by_the_weight, fit.rows.masses[0]
+    if rows is fit.rows:
+        return fit
+    by_weight = anew(rows)
+    return by_weight if by_weight.u(mass) <= MOST_COST * fit.u(mass) else fit
 
 
 def _other_forces(white: WhiteRows, first: Trial) -> list[Trial]:

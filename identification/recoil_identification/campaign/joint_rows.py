@@ -49,6 +49,8 @@ LEAST_SHARE = 0.01
 """Share of the reference below which no recoiling mass is."""
 MOST_KEPT_BYTES = 1 << 24
 """Of rows that were divided by a scatter, which a campaign's fits share: those of a hundred shots under all of them."""
+FORGOTTEN = 30.0
+"""Factor on the standard uncertainty of a certificate that is not used: beside what shots tell it is none."""
 WEIGHED = ("{0:g} kg", "{0:g} kg (u {1:g} kg)", "{0!r} kg (u {1!r} kg)")
 """Spellings of a weight by its mass and uncertainty, the shortest first."""
 GAINS = (*(f"ln {role}" for role in PRESSURE_ROLES), LN_ACCELERATION)
@@ -130,6 +132,8 @@ class JointRows(ReadOnlyArrays):
         Further unknowns.
     suspected
         What each parameter is of that is a shape which no rig states, by its name.
+    forgotten
+        Identities of influences of which is not used what was stated of them.
     divided
         Rows as the scatters divided them that were asked for. They hang on no column, and most of a
         campaign is fits with one more of them; whoever replaces anything else begins anew.
@@ -149,6 +153,7 @@ class JointRows(ReadOnlyArrays):
     loads: Array
     columns: tuple[Column, ...] = ()
     suspected: Mapping[str, Suspected] = field(default_factory=dict)
+    forgotten: frozenset[str] = frozenset()
     divided: dict[Scatter, tuple[Array, Array, float]] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -237,7 +242,7 @@ class JointRows(ReadOnlyArrays):
         return (
             *(Unknown(name, scope="rig", largest_step=LARGEST_STEP) for name in self.masses),
             *(Unknown(name, scope="rig") for name in self.added),
-            *(Unknown(one.identity, scope="sensor" if one.is_sensor else "rig") for one in self.influences),
+            *(Unknown(one.identity, scope=one.scope) for one in self.influences),
             # a shape that no rig states is linear however large, and in units of its own
             *(
                 Unknown(one.name) if one.parameter in self.suspected else Unknown(one.name, largest_step=LARGEST_STEP)
@@ -265,6 +270,7 @@ class JointRows(ReadOnlyArrays):
     def _stated(self, force: float) -> list[Prior]:
         known: dict[str, float] = dict(zip(self.added, (1.0 if u > 0 else 0.0 for _, u in self.weights), strict=True))
         known |= {one.identity: force if one.is_shape else 1.0 for one in self.influences}
+        known |= dict.fromkeys(self.forgotten, FORGOTTEN)
         exact = [Prior.of(name, name, 0.0) for name, u in known.items() if u == 0]
         names = tuple(name for name, u in known.items() if u > 0)
         if not names:
@@ -276,6 +282,20 @@ class JointRows(ReadOnlyArrays):
     def shapes(self) -> int:
         """Number of shapes of the force that no gauge reads."""
         return sum(one.is_shape for one in self.influences)
+
+    @property
+    def by_the_weight(self) -> JointRows:
+        """Rows of shots with two weights without what was stated of the gauges that drive; the same of all others.
+
+        What drives both is the same, and the ratio of their accelerations is that of their masses.
+        """
+        parameter = f"ln {PRESSURE_ROLES[0]}"
+        of_column = any(one.parameter == parameter for one in self.columns)
+        if np.unique(self.weight).size < 2 or parameter not in self.parameters or of_column:
+            return self
+        moved = self.loads[:, self.parameters.index(parameter)].sum(axis=0)
+        gauges = [one.identity for one, moves in zip(self.influences, moved, strict=True) if moves and one.is_sensor]
+        return replace(self, forgotten=frozenset(gauges))
 
     def with_columns(self, columns: Sequence[Column]) -> JointRows:
         """Look for further unknowns."""

@@ -13,7 +13,7 @@ from functools import partial
 
 from recoil_identification.campaign.advice import Advised, weighed_to_kg, worked_out
 from recoil_identification.campaign.campaign_shot import CampaignShot
-from recoil_identification.campaign.joint_fit import JointFit, joint_fit_under
+from recoil_identification.campaign.joint_fit import JointFit, by_the_weight, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.campaign.prediction import ADDED_SHARES, NominalShot
 from recoil_identification.rows.unread_resistance import FORCE
@@ -40,8 +40,11 @@ def next_steps(fit: JointFit) -> Advised[NextStep]:
     shots, mass_kg = fit.rows.shots, fit.mass_kg(fit.rows.mechanisms[0])[0]
     scatter, of = Scatter(fit.scatter("gain_rel")[0], fit.scatter("friction_rel")[0]), fit.rows.mechanism_of
 
+    def fit_of(rows: JointRows) -> JointFit:
+        return joint_fit_under(rows, scatter)
+
     def u_kg(of_shots: Sequence[CampaignShot]) -> float:
-        found = joint_fit_under(JointRows.of(of_shots, of), scatter)
+        found = by_the_weight(fit_of(JointRows.of(of_shots, of)), fit_of)
         return mass_kg * found.u(found.rows.masses[0])
 
     def more(added_kg: float, u_added_kg: float) -> list[CampaignShot]:

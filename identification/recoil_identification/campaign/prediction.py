@@ -24,7 +24,7 @@ import numpy as np
 from recoil_identification.campaign.advice import Advised, weighed_to_kg, worked_out
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.changes import DRIFT, STEP, Candidate, candidates_of, least_gain
-from recoil_identification.campaign.joint_fit import JointFit, joint_fit_under
+from recoil_identification.campaign.joint_fit import JointFit, by_the_weight, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.campaign.mechanisms import UNNAMED
 from recoil_identification.rows.camera_rows import OTHER
@@ -37,7 +37,12 @@ from recoil_identification.shot.shot_summary import (
     certified_influences,
 )
 from recoil_rigs.rig import Rig
-from recoil_rigs.shots.stated_uncertainty import SCALED_ROLES, stated_uncertainties, with_uncertainties
+from recoil_rigs.shots.stated_uncertainty import (
+    SCALED_ROLES,
+    stated_uncertainties,
+    with_dynamic_certificate,
+    with_uncertainties,
+)
 
 SUPPOSED = Scatter(gain_rel=1.5e-4, friction_rel=0.015)
 """Scatter from shot to shot that eight shots leave possible where nothing scatters, the mean of what they say of it."""
@@ -194,7 +199,11 @@ def predicted_fit(nominal: Sequence[NominalShot], plan: Plan, *, halves: bool = 
             )
         )
     rows = JointRows.of(shots, {name: name for name in (UNNAMED, OTHER_PARTS)})
-    return joint_fit_under(rows, plan.scatter).before_any_shot
+
+    def fit(of: JointRows) -> JointFit:
+        return joint_fit_under(of, plan.scatter).before_any_shot
+
+    return by_the_weight(fit(rows), fit)
 
 
 def alone(plan: Plan) -> Plan:
@@ -245,8 +254,11 @@ def what_ifs(nominal: Sequence[NominalShot], rig: Rig, plan: Plan) -> Advised[Wh
     """
     changed: dict[str, Callable[[], tuple[Sequence[NominalShot], Plan]]] = {}
 
+    def by(change: str, other: Callable[[], Rig]) -> None:
+        changed[change] = lambda: ([one.known_by(other()) for one in nominal], plan)
+
     def known(change: str, key: str, u: float) -> None:
-        changed[change] = lambda: ([one.known_by(with_uncertainties(rig, {key: u})) for one in nominal], plan)
+        by(change, lambda: with_uncertainties(rig, {key: u}))
 
     def planned(change: str, other: Plan) -> None:
         changed[change] = lambda: (nominal, other)
@@ -261,16 +273,18 @@ def what_ifs(nominal: Sequence[NominalShot], rig: Rig, plan: Plan) -> Advised[Wh
             if key in UNREAD_KEYS:
                 known(f"{key.removeprefix('u_')} known to be none: {key} 0", key, 0.0)
             continue
-        known(f"{channel.name} calibrated twice as well: {50 * u:.3g} %", key, 0.5 * u)
+        at_rest = " at rest" if channel.u_dynamic_rel else ""
+        known(f"{channel.name} calibrated twice as well{at_rest}: {50 * u:.3g} %", key, 0.5 * u)
         if channel.role == "breech_pressure" and u > GOOD_BREECH_REL:
-            known(f"{channel.name} calibrated to {100 * GOOD_BREECH_REL:g} %", key, GOOD_BREECH_REL)
-    for share in ADDED_SHARES if plan.shots > 1 else ():
-        added_kg = float(f"{share * nominal[0].mass_kg:.2g}")
+            known(f"{channel.name} calibrated to {100 * GOOD_BREECH_REL:g} %{at_rest}", key, GOOD_BREECH_REL)
+        if channel.u_dynamic_rel:
+            change = f'{channel.name} with a certificate as good of pulses like the shot\'s: calibration = "dynamic"'
+            by(change, partial(with_dynamic_certificate, rig, channel.name))
+    for added_kg, u_added_kg in _weights(rig, nominal[0].mass_kg) if plan.shots > 1 else ():
         if added_kg != plan.added_mass_kg:
-            u_added_kg = weighed_to_kg(added_kg)
             change = (
-                f"{added_kg:g} kg ({100 * share:.0f} % of the mass), weighed to {u_added_kg:g} kg, added to every "
-                "second shot"
+                f"{added_kg:g} kg ({100 * added_kg / nominal[0].mass_kg:.0f} % of the mass), weighed to {u_added_kg:g} "
+                "kg, added to every second shot"
             )
             planned(change, replace(plan, added_mass_kg=added_kg, u_added_mass_kg=u_added_kg))
     if plan.added_mass_kg:
@@ -289,6 +303,15 @@ def what_ifs(nominal: Sequence[NominalShot], rig: Rig, plan: Plan) -> Advised[Wh
 
     tried = worked_out({change: partial(what_if, change) for change in changed})
     return Advised(tuple(sorted(tried.lines, key=lambda one: one.u_rel_campaign)), tried.notes)
+
+
+def _weights(rig: Rig, mass_kg: float) -> list[tuple[float, float]]:
+    """Return the masses that may be added, with their standard uncertainties: that at hand, or some that could be."""
+    known = rig.knowledge
+    if known.weighed_mass_kg is not None and known.u_weighed_mass_kg is not None:
+        return [(known.weighed_mass_kg, known.u_weighed_mass_kg)]
+    shares = (float(f"{share * mass_kg:.2g}") for share in ADDED_SHARES)
+    return [(added_kg, weighed_to_kg(added_kg)) for added_kg in shares]
 
 
 def _is_in(role: str, nominal: Sequence[NominalShot]) -> bool:

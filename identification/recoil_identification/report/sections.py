@@ -299,6 +299,23 @@ CAMPAIGN_SECTIONS: tuple[Section, ...] = (
         style="learnt",
     ),
     Section(
+        "gauges",
+        "Dynamic scale of each gauge",
+        "By how much a gauge reads its force too large in these shots, as all of them tell it, with all that turns its "
+        "reading into a force; beside it the part that is the gauge's by what was stated of each.",
+        (
+            Column("gauge", "Gauge", "name", wide=True),
+            Column("known", "Known to", "number", "%"),
+            Column("value", "Reads too large by", "number", "%"),
+            Column("u", "u now", "number", "%"),
+            Column("beside", "With", "name"),
+            Column("own", "The gauge alone", "number", "%"),
+            Column("u_own", "its u", "number", "%"),
+        ),
+        campaign_tables.gauges,
+        style="plain",
+    ),
+    Section(
         "next",
         "What to do next",
         "What would make the mass surer, tried on what these shots tell.",

@@ -46,8 +46,8 @@ OF_READING = (
 """Kinds of causes that are errors of a gauge's reading, which an impulse sums up."""
 INTEGRATION = 2e-4
 """Relative standard uncertainty of an impulse by its samples."""
-OF_FORCE = (SourceKind.AREA, SourceKind.BORE_FRICTION)
-"""Kinds of the parts of a force's scale that are none of its gauge's."""
+OF_FORCE = (SourceKind.AREA, SourceKind.BORE_FRICTION, SourceKind.DYNAMIC_SCALE)
+"""Kinds of the parts of a force's scale that are none of what its gauge reads of a load at rest."""
 
 
 @dataclass(frozen=True)

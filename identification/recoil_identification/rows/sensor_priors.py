@@ -26,14 +26,15 @@ area."""
 
 
 def part_of_scale(part: ErrorSource) -> Unknown:
-    """Return what a scale may be off by beside its sensor: an area, a standard, or one of a pressure's several gauges.
+    """Return what a scale may be off by beside its sensor: an area, a standard, a pulse, or one of several gauges.
 
     Parameters
     ----------
     part
         One of `recoil_processing.shot.sensor_scales.ScaleUncertainty.parts`.
     """
-    return Unknown(f"ln {part}", scope="sensor" if part.kind is SourceKind.SENSITIVITY else "rig")
+    of_sensor = part.kind in (SourceKind.SENSITIVITY, SourceKind.DYNAMIC_SCALE)
+    return Unknown(f"ln {part}", scope="sensor" if of_sensor else "rig")
 
 
 def parts_of_scales(scales: ScaleUncertainty) -> tuple[Unknown, ...]:

@@ -6,11 +6,13 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
 from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.rows.known_forces import known_forces
 from recoil_identification.rows.sensor_priors import part_of_scale
-from recoil_processing.shot.sensor_scales import of_gauge
+from recoil_processing.shot.sensor_scales import dynamic_scale, of_gauge
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.shots.fired_shot import FiredShot
 
@@ -60,12 +62,17 @@ def force_checks(calibration: Calibration, signals: Signals, fired: FiredShot) -
         )
         for one in known.declared
     ]
+    unknowns = [unknown.name for unknown in inferred.unknowns]
     for force, gauges in signals.gauges.items():
         for gauge in gauges:
             source, count = of_gauge(gauge.channel), len(gauges)
             others = ", ".join(one.channel for one in gauges if one is not gauge)
-            name = part_of_scale(source).name
-            if source in residuals and math.isfinite(inferred.u(name)):
-                off, u = 100.0 * count * inferred.value(name), 100.0 * count * inferred.u(name)
+            of_pulses = [dynamic_scale(gauge.channel)] if fired.rig.channel(gauge.channel).u_dynamic_rel else []
+            names = [part_of_scale(part).name for part in (source, *of_pulses)]
+            if source in residuals and all(math.isfinite(inferred.u(name)) for name in names):
+                places = [unknowns.index(name) for name in names]
+                variance = float(inferred.covariance[np.ix_(places, places)].sum())
+                off = 100.0 * count * math.fsum(map(inferred.value, names))
+                u = 100.0 * count * math.sqrt(max(variance, 0.0))
                 checks.append(ForceCheck(f"{others} of {force}", gauge.channel, off, u, residuals[source]))
     return tuple(checks)

@@ -19,7 +19,7 @@ from recoil_identification.rows.known_forces import is_declared
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
 from recoil_identification.rows.unread_resistance import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_processing.shot.sensor_scales import BORE_FRICTION
+from recoil_processing.shot.sensor_scales import BORE_FRICTION, dynamic_scale
 
 ROUNDING = 1e-6
 """Difference of two that are one and the same."""
@@ -29,7 +29,13 @@ LEAST_GAIN = 0.5
 """Gain of the breech chain over that of the likeliest sensor, from which on it is named beside it."""
 LITTLE = 0.8
 """Change of the mass by the breech chain, in its standard uncertainties, which its interval holds."""
-DRIVING = (GAUGES[0], ErrorSource(SourceKind.SENSITIVITY, "breech_pressure"), SHARE, BORE_FRICTION)
+DRIVING = (
+    GAUGES[0],
+    ErrorSource(SourceKind.SENSITIVITY, "breech_pressure"),
+    dynamic_scale("breech_pressure"),
+    SHARE,
+    BORE_FRICTION,
+)
 """Sources of which one that is off looks like another to a shot: breech gauge, unread resistance, friction in the
 bore."""
 NEAR = 3.0

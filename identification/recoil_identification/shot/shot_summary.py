@@ -35,7 +35,7 @@ from recoil_identification.rows.suspects import Suspect, columns_of
 from recoil_identification.rows.unread_resistance import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
-from recoil_processing.shot.sensor_scales import of_gauge
+from recoil_processing.shot.sensor_scales import dynamic_scale, of_gauge
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import ChannelSpec, Rig
 from recoil_rigs.tables.force_input import ForceInput
@@ -52,7 +52,7 @@ STEPS_AT = tuple(np.linspace(TRIMMED[0], 1.0 - TRIMMED[1], 12).round(3).tolist()
 """Shares of the travel's time at which the mass may step."""
 MOST_LN_KG = 30.0
 """Logarithm of a mass in kg beyond which it is none."""
-OF_SENSOR, OF_STANDARD, OF_RIG = "sensor:", "standard:", "rig:"
+OF_SENSOR, OF_DYNAMIC, OF_STANDARD, OF_RIG = "sensor:", "dynamic:", "standard:", "rig:"
 """Beginnings of identities, by what they are of."""
 OF_SHAPE = "unread_force-"
 """Beginning of the last part of a rig's identity that is one shape of the force that no gauge reads."""
@@ -404,6 +404,8 @@ def sensors_of(rig: Rig) -> dict[ErrorSource, str]:
         found |= {sensitivity: whole, of_roles.get(role, sensitivity): whole}
         if len(channels) > 1:
             found |= {of_gauge(name): known for name, known in known_by.items()}
+        of_pulses = {role if len(channels) == 1 else one.name: one for one in channels if one.u_dynamic_rel}
+        found |= {dynamic_scale(of): known_by[one.name] for of, one in of_pulses.items()}
     return found
 
 
@@ -417,6 +419,8 @@ def _scale(rig: Rig, role: str, channels: Sequence[ChannelSpec]) -> tuple[tuple[
         identity = sensor.serial or f"{rig.name}/{channel.name}"
         own = math.sqrt(sensor.u_scale_rel**2 - sensor.u_reference_rel**2)
         found[f"{OF_SENSOR}{role}:{identity}{calibrated}"] = own / len(channels)
+        if channel.u_dynamic_rel:  # no certificate at rest tells of it, and none that is renewed
+            found[f"{OF_DYNAMIC}{role}:{identity}"] = channel.u_dynamic_rel / len(channels)
         if sensor.u_reference_rel:
             name = f"{OF_STANDARD}{sensor.reference}"
             found[name] = found.get(name, 0.0) + sensor.u_reference_rel / len(channels)

@@ -49,6 +49,8 @@ class SourceKind(StrEnum):
     """Noise of the rows themselves."""
     SENSITIVITY = "sensitivity", "{of} sensitivity", SourceGroup.SENSORS
     """Scale of a role's sensor, or of one of several gauges of a pressure."""
+    DYNAMIC_SCALE = "dynamic scale", "{of} dynamic scale", SourceGroup.SENSORS
+    """Scale of a gauge in a pulse, beside that at rest; of a role's gauge, or of one of several."""
     FORCE_SCALE = "force scale", "{of} sensitivity and area", SourceGroup.SENSORS
     """Scale of a gauge with its piston's area, where the area has no row of its own."""
     CAMERA_SCALE = "camera scale", "camera scale", SourceGroup.SENSORS
@@ -126,6 +128,8 @@ class SourceKind(StrEnum):
     """What each of many shots has of its own: noise, zeros, and how far gains and friction do not repeat."""
     SENSOR_SCALE = "sensor scale", "{of} scale, sensor {detail}", SourceGroup.SENSORS
     """Scale of one sensor in many shots, by its serial number."""
+    SENSOR_DYNAMIC = "sensor dynamic scale", "{of} dynamic scale, sensor {detail}", SourceGroup.SENSORS
+    """Its scale in a pulse, beside that at rest."""
     BORE_FRICTION = "bore friction", "bore_friction", SourceGroup.UNREAD_FORCES
     """Share of the breech's force that the projectile's friction in the bore takes off."""
     LINEARITY = "linearity", "{of} linearity", SourceGroup.SENSORS

@@ -20,6 +20,11 @@ def of_gauge(channel: str) -> ErrorSource:
     return ErrorSource(SourceKind.SENSITIVITY, channel)
 
 
+def dynamic_scale(of: str) -> ErrorSource:
+    """Return the part that the scale of a force in a pulse has beside that at rest; of one of several gauges too."""
+    return ErrorSource(SourceKind.DYNAMIC_SCALE, of)
+
+
 @dataclass(frozen=True)
 class ScaleUncertainty:
     """Standard uncertainties of what the scale of the mass hangs on.
@@ -34,9 +39,10 @@ class ScaleUncertainty:
         Standard uncertainty of the packing friction, N: absolute, because a friction that is declared as zero may have
         one.
     parts
-        Parts of these uncertainties that are not the sensor's own, by the force's name or the role: the area, the
-        friction or the standard, and its relative standard uncertainty. Sensors that were calibrated against one
-        standard share its part. Where several gauges measure one pressure each of them is a part, see `of_gauge`.
+        Parts of these uncertainties that no sensor's certificate states, by the force's name or the role: the area, the
+        friction, the standard or the scale in a pulse, and its relative standard uncertainty. Sensors that were
+        calibrated against one standard share its part. Where several gauges measure one pressure each of them is a
+        part, see `of_gauge`.
     forces
         Names of the measured forces, in the order of `gauges`.
     motion_role
@@ -70,15 +76,19 @@ def scale_uncertainty(rig: Rig, motion_role: str = "recoil_acceleration") -> Sca
             listed[BORE_FRICTION] = m.u_bore_friction_rel
         standards: dict[ErrorSource, float] = {}
         own: dict[ErrorSource, float] = {}
+        dynamic: dict[ErrorSource, float] = {}
         for channel in channels:
             sensor = channel.sensor
             if sensor.u_reference_rel:
                 standard = ErrorSource(SourceKind.STANDARD, sensor.reference)
                 standards[standard] = standards.get(standard, 0.0) + sensor.u_reference_rel / len(channels)
+            if channel.u_dynamic_rel:
+                of = name if len(channels) == 1 else channel.name
+                dynamic[dynamic_scale(of)] = channel.u_dynamic_rel / len(channels)
             own[of_gauge(channel.name)] = math.sqrt(sensor.u_scale_rel**2 - sensor.u_reference_rel**2) / len(channels)
-        total[name] = math.hypot(*own.values(), *standards.values(), *listed.values())
+        total[name] = math.hypot(*own.values(), *standards.values(), *dynamic.values(), *listed.values())
         # of the mean of several gauges each has its part
-        listed |= standards | (own if len(channels) > 1 else {})
+        listed |= standards | dynamic | (own if len(channels) > 1 else {})
         if listed:
             parts[name] = tuple(listed.items())
     return ScaleUncertainty(

@@ -13,6 +13,7 @@ from typing import Any
 from recoil_acquisition.capture.live_session import CapturedShot, LiveSession
 from recoil_acquisition.errors import FileEnd, RecoilDaqError, quoted
 from recoil_acquisition.trigger import ShotWindow
+from recoil_daq.live.added_mass import BARE, AddedMass
 from recoil_daq.live.display import Display
 from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState, capture_path
 from recoil_daq.live.shots.conversion import Conversion, rig_changed
@@ -61,7 +62,7 @@ class ShotWork:
     Attributes
     ----------
     added_mass
-        Mass that the shots to come carry; None if nobody stated any.
+        Mass that the shots to come carry, where there is a weight that the next one carries; None if nobody stated any.
     """
 
     def __init__(
@@ -81,6 +82,7 @@ class ShotWork:
         self._shots, self._files, self._wanted = shots, files, wanted
         self._journal_keeps, self._previewed, self._converted = journal_keeps, previewed, converted
         self.added_mass = options.added_mass
+        self._in_turn = BARE
         self._next = options.first or 1
         self._worker = worker
         self._cutting: dict[str, Future[CapturedShot]] = {}
@@ -113,7 +115,23 @@ class ShotWork:
         )  # fmt: skip
         if self.added_mass is not None:
             self._noting[name] = self._notes.submit(self.added_mass.note, self._options.out, name)
+        self._turn(name)
         self._begin_cut(session, name, window)
+
+    @property
+    def in_turn(self) -> AddedMass | None:
+        """Mass that the next shot is to carry, until somebody says what it does; None where no weight is at hand."""
+        return None if self._options.weight is None or self.added_mass is not None else self._in_turn
+
+    def _turn(self, name: str) -> None:
+        """Have the next shot carry the weight if this one does not; nobody has said so yet."""
+        if (weight := self._options.weight) is None:
+            return
+        if self.added_mass is None:
+            told = f"nobody said whether it carries {weight}: write its `added_mass_kg` into the shot log"
+            self._display.notice(f"shot {name}: {told}")
+            return
+        self._in_turn, self.added_mass = BARE if self.added_mass.kg else weight, None
 
     def _is_taken(self, name: str) -> bool:
         out = self._options.out

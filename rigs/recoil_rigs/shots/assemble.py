@@ -179,7 +179,7 @@ def _channel(spec: ChannelSpec, recording: Recording, header: SignalHeader, unit
         time_base=base,
         signal=spec.signal,
         role=spec.role,
-        u_rel=sensor.u_scale_rel,
+        u_rel=spec.u_scale_rel,
         resolution=0.0 if raw is None else abs(raw.gain * si_line(spec, unit)[0]),
         raw=raw,
         history=tuple(history),

@@ -12,7 +12,12 @@ from recoil_acquisition.quantities.quantity import STANDARD_ATMOSPHERE_PA
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 from recoil_rigs.rig import Rig
-from recoil_rigs.tables.channel_table import USUAL_U_DISTORTION_M, USUAL_U_LINE_S, USUAL_U_ZERO_REL
+from recoil_rigs.tables.channel_table import (
+    STATIC_U_DYNAMIC_REL,
+    USUAL_U_DISTORTION_M,
+    USUAL_U_LINE_S,
+    USUAL_U_ZERO_REL,
+)
 from recoil_rigs.tables.force_input import AREAS
 from recoil_rigs.tables.rig_tables import FORCE_SENSOR_ROLES
 
@@ -152,6 +157,14 @@ def _assumptions(rig: Rig, absolute: Collection[str]) -> Iterator[Assumption]:
             detail = "no channel has this role: its term in the equation of motion is taken at rest"
             yield Assumption(role, "not measured", detail)
     yield from _unstated_breech_chain(rig)
+    for channel in rig.channels:
+        if channel.u_dynamic_rel and channel.sensor.calibration is None:
+            detail = (
+                'its sensor has no `calibration`: its certificate is taken as "static", at rest, and tells that much '
+                'less of a pulse; write "dynamic" if it was found in pulses, or weigh a mass and add it to every '
+                "second shot, which tells the gauge's scale"
+            )
+            yield Assumption(channel.name, f"scale in a pulse known to {100 * STATIC_U_DYNAMIC_REL:g} % only", detail)
     for channel in rig.channels:
         if channel.role in FORCE_SENSOR_ROLES and channel.sensor.u_zero_rel is None:
             detail = "its sensor has no `u_zero_rel`: its zero may move in a shot by as much as a good gauge's does"

@@ -24,8 +24,8 @@ from recoil_rigs.tables.channel_table import Sensor
 Table = TypeVar("Table", Source, ChannelSpec)
 
 OF_A_CERTIFICATE = (
-    "model", "certificate", "calibrated", "due", "u_rel", "reference", "u_reference_rel", "u_zero_rel",
-    "u_distortion_m", "gain", "u_gain", "offset", "sensitivity", "sensitivity_unit", "zero", "amplifier",
+    "model", "certificate", "calibrated", "due", "u_rel", "calibration", "reference", "u_reference_rel",
+    "u_zero_rel", "u_distortion_m", "gain", "u_gain", "offset", "sensitivity", "sensitivity_unit", "zero", "amplifier",
     "time_constant_s", "u_time_constant_s",
 )  # fmt: skip
 """Keys of a sensor that may be corrected: none tells one sensor from another or moves a sample in time."""
@@ -137,7 +137,7 @@ def corrected_channels(
 def _corrected(channel: Channel, recorded: Rig, corrected: Rig, version: str, faults: list[Fault]) -> Channel:
     """Undo the line that the samples were made by and draw the new one; a fault is appended."""
     old, new = recorded.channel(channel.name), corrected.channel(channel.name)
-    made = replace(channel, u_rel=new.sensor.u_scale_rel)
+    made = replace(channel, u_rel=new.u_scale_rel)
     if _entering(old, recorded) == _entering(new, corrected):
         return made
     before, after = (_line(channel, spec, rig, faults) for spec, rig in ((old, recorded), (new, corrected)))

@@ -65,6 +65,16 @@ def with_uncertainties(rig: Rig, stated: Mapping[str, float]) -> Rig:
     return replace(rig, channels=channels, mechanism=mechanism)
 
 
+def with_dynamic_certificate(rig: Rig, name: str) -> Rig:
+    """Let the certificate of a channel's sensor be one that was found in pulses like the shot's."""
+
+    def dynamic(channel: ChannelSpec) -> ChannelSpec:
+        sensor = channel.sensor.model_copy(update={"calibration": "dynamic"})
+        return channel.model_copy(update={"sensor": sensor})
+
+    return replace(rig, channels=tuple(dynamic(one) if one.name == name else one for one in rig.channels))
+
+
 def _with_scale(channel: ChannelSpec, u_rel: float | None) -> ChannelSpec:
     sensor = channel.sensor
     if u_rel is None or channel.role not in SCALED_ROLES:

@@ -51,6 +51,7 @@ COLUMNS: Mapping[str, str] = {
     "k": "coverage factor of U_percent, mostly 2",
     "calibrated": "date of the certificate, such as 2026-03-01 or 01.03.2026",
     "due": "date by which it is to be calibrated again",
+    "calibration": "static or dynamic: found at rest, or in pulses like a shot's",
     "reference": "name of the standard that it was calibrated against",
     "u_reference_percent": "standard uncertainty that the standard brings, percent; a part of U_percent / k",
     "zero_percent": "by how much its zero may move in a shot, percent of the range",
@@ -73,14 +74,19 @@ _UNIT_BESIDE: Mapping[str, str] = {
     "range_low": "unit", "range_high": "unit", "sensitivity": "sensitivity_unit",
 }  # fmt: skip
 """Column of numbers -> the one that states their unit."""
-_TEXTS = ("serial", "model", "signal", "quantity", "unit", "sensitivity_unit", "reference", "filter_type")
+_TEXTS = (
+    "serial", "model", "signal", "quantity", "unit", "sensitivity_unit", "calibration", "reference", "filter_type",
+)  # fmt: skip
 _DATES = ("calibrated", "due")
 _WHOLE = ("filter_order",)
 _SIGNED = ("range_low", "range_high", "zero_volts")
 _POSITIVE = ("sensitivity", "k", "amplifier", "filter_hz", "filter_order")
 _DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})", re.ASCII)
 """Dates as German spreadsheets write them; with slashes nobody knows which number is the day."""
-_FILTERS = ("bessel", "butterworth")
+_CHOICES: Mapping[str, tuple[str, ...]] = {
+    "calibration": ("static", "dynamic"), "filter_type": ("bessel", "butterworth"),
+}  # fmt: skip
+"""Column of texts -> what may stand there."""
 MOST_LINES = 8
 """Number of further rows with the same fault that are named."""
 _PAIRS = (
@@ -140,8 +146,7 @@ class Certificate:
         found: dict[str, Any] = {key: cells[key] for key in ("model", "serial", *_DATES) if key in cells}
         if "U_percent" in cells:
             found["u_rel"] = _rounded(cells["U_percent"] / cells["k"] / 100.0)
-        if "reference" in cells:
-            found["reference"] = cells["reference"]
+        found |= {key: cells[key] for key in ("calibration", "reference") if key in cells}
         for column, key in (("u_reference_percent", "u_reference_rel"), ("zero_percent", "u_zero_rel")):
             if column in cells:
                 found[key] = _rounded(cells[column] / 100.0)
@@ -318,14 +323,14 @@ class _Rows:
             return None
 
     def _text(self, column: str, text: str) -> str | None:
-        folded = text.casefold() if column in ("quantity", "filter_type") else text
+        folded = text.casefold() if column == "quantity" or column in _CHOICES else text
         expected = ""
         if column == "quantity" and folded not in SI_UNITS:
             expected = f"a quantity, such as {', '.join(nearest_first(text, list(SI_UNITS))[:3])}"
         elif column == "unit" and find_unit(text) is None:
             expected = f"a unit, nearest known {', '.join(nearest_first(normalise_unit(text), sorted(UNITS))[:3])}"
-        elif column == "filter_type" and folded not in _FILTERS:
-            expected = " or ".join(_FILTERS)
+        elif column in _CHOICES and folded not in _CHOICES[column]:
+            expected = " or ".join(_CHOICES[column])
         if expected:
             self._fault(column, f"expected {expected}", FaultCode.UNKNOWN, text)
             return None
@@ -390,7 +395,7 @@ def other_certificates(channels: Sequence[ChannelSpec], path: Path) -> list[Faul
         one = certificate_for(certificates, serial=serial, signal=channel.signal, quantity=channel.quantity)
         if one is None or not serial:
             continue
-        stated = {"calibrated": sensor.calibrated, "due": sensor.due, "u_rel": sensor.u_rel}
+        stated = {key: getattr(sensor, key) for key in ("calibrated", "due", "u_rel", "calibration")}
         table = one.sensor(channel.unit)
         differing = [key for key, value in stated.items() if key in table and table[key] != value]
         if differing:

@@ -32,6 +32,10 @@ USUAL_U_DISTORTION_M = 1e-4
 """Length by which a camera's optics may bend a travel."""
 USUAL_U_LINE_S = 2e-3
 """Delay by which an orifice or a line before a recuperator's gauge may make it late."""
+STATIC_U_DYNAMIC_REL = 5e-3
+"""Share by which the scale of a breech gauge that was calibrated at rest may be another in a pulse of some ms: with a
+certificate of 0.5 % it makes 0.7 %, what the best standard of dynamic pressure reaches (U 1.5 %, Metrologia 55 (2018)
+S52)."""
 
 
 class GaugeAhead(DeclaredTable):
@@ -74,6 +78,9 @@ class Sensor(DeclaredTable):
     """Date by which it is to be calibrated again; ``check`` refuses one before the day of the files, or today."""
     u_rel: NotNegative = 0.0
     """Relative standard uncertainty of its scale, 1 % is 0.01; must be written where the role enters the estimate."""
+    calibration: Literal["static", "dynamic"] | None = None
+    """How its certificate was found: ``static``, at rest, or ``dynamic``, in pulses like the shot's. A breech gauge is
+    static if left out, and its scale in such a pulse is known half a percent less well."""
     reference: str = Field(default="", description="the standard that it was calibrated against, as a name")
     u_reference_rel: NotNegative = Field(default=0.0, description="the part of `u_rel` that the standard brings")
     u_zero_rel: NotNegative | None = Field(
@@ -254,6 +261,21 @@ class ChannelSpec(DeclaredTable):
         """Delay by which a recuperator's gauge may be late of whose delay the rig file says nothing, s; else 0."""
         says = {"delay_s", "u_delay_s"} & self.sensor.model_fields_set
         return 0.0 if says or self.role != "recuperator_pressure" else USUAL_U_LINE_S
+
+    @property
+    def u_dynamic_rel(self) -> float:
+        """Relative standard uncertainty of its scale in the shot beside that of its certificate.
+
+        No other gauge reads pulses that steep: brake, recuperator and the force on a line are slow beside their gauges.
+        """
+        is_of_pulses = self.role == GAUGE_ROLES[0] and self.sensor.calibration != "dynamic"
+        return STATIC_U_DYNAMIC_REL if is_of_pulses else 0.0
+
+    @property
+    def u_scale_rel(self) -> float:
+        """Relative standard uncertainty of its scale in the shot, that of its certificate and `u_dynamic_rel`."""
+        u_rel, u_dynamic_rel = self.sensor.u_scale_rel, self.u_dynamic_rel
+        return math.hypot(u_rel, u_dynamic_rel) if u_dynamic_rel else u_rel
 
     @property
     def enters_estimate(self) -> bool:

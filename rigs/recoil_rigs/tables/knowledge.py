@@ -99,13 +99,31 @@ class KnownLoad(DeclaredTable):
 class Knowledge(DeclaredTable):
     """Knowledge of forces beside the gauges' certificates; none where the table is left out."""
 
+    weighed_mass_kg: Positive | None = None
+    """Mass at hand that is weighed and added to every second shot, kg: it tells a campaign the gauges' scales. The shot
+    log states which shots carried it."""
+    u_weighed_mass_kg: NotNegative | None = None
+    """Standard uncertainty of `weighed_mass_kg`, kg; must be written with it."""
     projectile: ProjectileImpulse | None = None
     """Projectile and charge, see ``[knowledge.projectile]``."""
     load: Annotated[tuple[KnownLoad, ...], Field(strict=False)] = ()
     """Known loads, see ``[[knowledge.load]]``."""
 
+    def contradictions(self) -> Sequence[Fault]:
+        """Return what is wrong with a weight of which only one half is stated."""
+        if (self.weighed_mass_kg is None) == (self.u_weighed_mass_kg is None):
+            return []
+        lacks, problem = (
+            ("weighed_mass_kg", "is missing: `u_weighed_mass_kg` needs it")
+            if self.weighed_mass_kg is None
+            else ("u_weighed_mass_kg", "is missing: `weighed_mass_kg` needs it")
+        )
+        return [Fault((lacks,), problem, FaultCode.MISSING)]
+
 
 KNOWLEDGE = "knowledge"
+WEIGHT = ("weighed_mass_kg", "u_weighed_mass_kg")
+"""Keys of the mass that is added to every second shot."""
 NOTHING_KNOWN = Knowledge()
 """Knowledge of a rig file that states none."""
 

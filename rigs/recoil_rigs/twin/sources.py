@@ -188,9 +188,16 @@ class Scene:
         part = sensor.u_reference_rel / sensor.u_scale_rel
         return math.sqrt(1.0 - part**2) * own + part * float(generator(seed, "standard", sensor.reference).normal())
 
+    def gain_in_pulses(self, spec: ChannelSpec) -> float:
+        """Return the factor on a gauge's gain in a pulse, by a draw from what no certificate at rest tells of it."""
+        if not (spec.u_dynamic_rel and self.settings.gain_errors):
+            return 1.0
+        return 1.0 + spec.u_dynamic_rel * float(generator(self.of_rig, "dynamic scale", spec.name).normal())
+
     def gain_factor(self, spec: ChannelSpec) -> float:
-        """Return the factor on a sensor's gain that the campaign's plan has for this shot."""
-        return 1.0 if self.planned is None else self.planned.gain_factors.get(spec.name, 1.0)
+        """Return the factor on a sensor's gain that the campaign's plan has for this shot, and that of its pulse."""
+        planned = 1.0 if self.planned is None else self.planned.gain_factors.get(spec.name, 1.0)
+        return planned * self.gain_in_pulses(spec)
 
     def seen(self, role: str, spec: ChannelSpec, at_s: Array) -> Array:
         """Return what a camera sees of a role's quantity at instants of the reference clock, SI."""

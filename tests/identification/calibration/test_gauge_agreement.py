@@ -16,7 +16,7 @@ from recoil_identification.calibration.gauge_agreement import gauge_agreement, g
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.targets.target import Case
-from recoil_processing.shot.sensor_scales import of_gauge, scale_uncertainty
+from recoil_processing.shot.sensor_scales import dynamic_scale, of_gauge, scale_uncertainty
 from recoil_processing.shot.signals import GaugeReading, Offset, Signals, collect_signals
 from recoil_rigs.rig import ChannelSpec, Rig
 from recoil_rigs.shots.fired_shot import FiredShot
@@ -68,7 +68,9 @@ def test_every_scale_is_a_sensors_and_that_of_the_mean_is_both_gauges(both):
 
 @pytest.mark.indispensable("two gauges")
 def test_two_gauges_make_the_mass_as_sure_as_one_that_is_as_good_as_their_mean(both, one, rig, shot):
-    better = tuple(of_breech(channel, u_rel=0.005 / math.sqrt(2)) for channel in rig.without_channel(SECOND).channels)
+    # of two the scales in a pulse average as those at rest do
+    u_rel = math.sqrt((0.005**2 + 0.005**2) / 2 - 0.005**2)
+    better = tuple(of_breech(channel, u_rel=u_rel) for channel in rig.without_channel(SECOND).channels)
     as_good = identify_shot(FiredShot(shot.without_channel(SECOND), replace(rig, channels=better)), Options())
     together = both.chosen.estimate.u_kg
     assert together == pytest.approx(as_good.chosen.estimate.u_kg, rel=0.05)
@@ -106,10 +108,11 @@ def test_areas_and_standards_are_the_rigs_and_gauges_the_sensors(rig, shot):
 @pytest.mark.whole_way
 def test_their_difference_is_told_far_better_than_either(both, shot):
     inferred = both.route.calibration.inferred
-    at = [[unknown.name for unknown in inferred.unknowns].index(f"ln {of_gauge(name)}") for name in (FIRST, SECOND)]
-    apart = 2 * np.array([1.0, -1.0])
-    u = math.sqrt(apart @ inferred.covariance[np.ix_(at, at)] @ apart)
-    assert u < 0.2 * 2 * inferred.u(f"ln {of_gauge(FIRST)}")
+    names = [unknown.name for unknown in inferred.unknowns]
+    at = [names.index(f"ln {of(name)}") for of in (of_gauge, dynamic_scale) for name in (FIRST, SECOND)]
+    apart, first = 2 * np.array([1.0, -1.0, 1.0, -1.0]), 2 * np.array([1.0, 0.0, 1.0, 0.0])
+    u, u_first = (math.sqrt(of @ inferred.covariance[np.ix_(at, at)] @ of) for of in (apart, first))
+    assert u < 0.2 * u_first
     readings = [np.asarray(shot.channels[name].samples) for name in (FIRST, SECOND)]
     readings = [samples - samples[:500].mean() for samples in readings]
     high = readings[1] > 0.2 * readings[1].max()
@@ -226,6 +229,7 @@ def test_scales_zeros_that_stand_and_move_and_delays_explain_all_differences(rig
         name = f"difference {number} of the gauges of breech_pressure"
         # of the mean's scale each gauge has its share
         values = {f"ln {of_gauge(gauge)}": g / count for gauge, g in zip(NAMES, scales, strict=False)}
+        values |= {f"ln {dynamic_scale(gauge)}": 0.0 for gauge in NAMES[:count]}
         values |= {f"zero, {name}": c @ zeros, f"delay, {name}": c @ delays_s}
         values |= {
             f"zero that moves in {1e3 * tau:g} ms, {name}": c @ q for q, tau in zip(moving, moves_s, strict=True)
@@ -338,7 +342,7 @@ def test_of_three_gauges_the_mean_is_as_uncertain_as_three_are_and_two_differenc
     channel = replace(shot.channels[SECOND], name="p_breech_3")
     more = replace(shot, channels={**shot.channels, "p_breech_3": channel})
     scales = scale_uncertainty(three)
-    assert scales.gauges[0] == pytest.approx(0.005 / math.sqrt(3))
+    assert scales.gauges[0] == pytest.approx(math.hypot(0.005, 0.005) / math.sqrt(3))
     found = gauge_agreement(collect_signals(FiredShot(more, three), {}), three, (0.06, 0.2))
     assert len(found.rows) == 2
     # two gauges that read the same differ in nothing: of all combinations only one holds a difference
@@ -346,11 +350,16 @@ def test_of_three_gauges_the_mean_is_as_uncertain_as_three_are_and_two_differenc
     assert min(readings) > 0
     # no combination holds anything of the mean, nor of another
     shares = np.array([block.columns[:, :3][np.abs(block.columns[:, 0]).argmax()] for block in found.rows])
+    for block in found.rows:  # in a pulse each is off by its scale at rest and by that beside it
+        np.testing.assert_array_equal(block.columns[:, :3], block.columns[:, 3:6])
     shares /= np.linalg.norm(shares, axis=1, keepdims=True)
     np.testing.assert_allclose(shares @ shares.T, np.eye(2), atol=1e-12)
     np.testing.assert_allclose(shares.sum(axis=1), 0.0, atol=1e-12)
     parts = dict(scales.parts["breech_pressure"])
-    assert parts == pytest.approx(dict.fromkeys(map(of_gauge, (FIRST, SECOND, "p_breech_3")), 0.005 / 3))
+    gauges = (FIRST, SECOND, "p_breech_3")
+    assert parts == pytest.approx(
+        dict.fromkeys((of(one) for of in (of_gauge, dynamic_scale) for one in gauges), 0.005 / 3)
+    )
 
 
 @pytest.mark.whole_way
@@ -360,7 +369,8 @@ def test_gauges_of_one_standard_share_its_part(rig):
     parts = dict(scale_uncertainty(shared).parts["breech_pressure"])
     assert parts["standard dead weights"] == pytest.approx(0.003)
     assert parts[of_gauge(FIRST)] == pytest.approx(math.sqrt(0.005**2 - 0.003**2) / 2)
-    assert scale_uncertainty(shared).gauges[0] == pytest.approx(math.hypot(0.003, 0.004 / math.sqrt(2)))
+    own = math.hypot(0.004, 0.005) / math.sqrt(2)
+    assert scale_uncertainty(shared).gauges[0] == pytest.approx(math.hypot(0.003, own))
 
 
 @pytest.mark.whole_way

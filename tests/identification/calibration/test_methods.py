@@ -21,6 +21,7 @@ from recoil_identification.rows.tracked_recoil import TrackedRecoil
 from recoil_processing.picture_bends import picture_bends
 from recoil_processing.shot.gauge_zero import MOVES_S, zero_moves
 from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_processing.shot.sensor_scales import dynamic_scale
 from recoil_processing.shot.signals import Signals, collect_signals
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.fired_shot import FiredShot
@@ -97,6 +98,8 @@ def moves_of(name: str) -> dict[str, Move]:
     made: dict[str, Move] = {}
     for gauge, role in zip(GAUGES, PRESSURE_ROLES, strict=True):
         made[gauge] = of_series(lambda s, by, u=u[gauge]: (1.0 + by * np.expm1(u)) * s, role)
+        if (pulse := dynamic_scale(role)) in u:
+            made[pulse] = of_series(lambda s, by, u=u[pulse]: (1.0 + by * np.expm1(u)) * s, role)
         if (zero := f"{role} zero") in u:
             made[zero] = of_series(lambda s, by, u=u[zero]: s + by * u, role)
         for tau, shape in zip(MOVES_S, zero_moves(signals.times_s, onset_s).T, strict=True):
@@ -148,6 +151,7 @@ def test_every_row_that_counts_has_a_source_that_can_be_moved() -> None:
     "source",
     [
         GAUGES[0],
+        dynamic_scale("breech_pressure"),
         FRICTION,
         CAMERA_SCALE,
         DISTORTIONS[0],

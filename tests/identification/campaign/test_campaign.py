@@ -194,7 +194,7 @@ def test_what_is_contradicted_speaks_against_the_mass_only_if_it_moves_it() -> N
 @pytest.mark.whole_way
 def test_what_the_mass_moves_by_without_a_certificate_is_what_a_fit_without_it_finds() -> None:
     moved = {(i, "ln brake_pressure"): 0.012 for i in range(8)}
-    shots = campaign_of((0.0, 120.0) * 4, seed=4, moved=moved).shots
+    shots = campaign_of((0.0, 310.0) * 4, seed=4, moved=moved).shots
     found = combine(shots)
     (brake,) = [one for one in found.common if one.influence.source.of == "brake_pressure"]
     forgotten = combine([_with_wide(shot, "brake_pressure") for shot in shots])

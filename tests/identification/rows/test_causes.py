@@ -282,7 +282,7 @@ def test_a_row_of_what_no_gauge_reads_is_what_moving_it_and_estimating_anew_give
     for source, added_n in made.items():
         up, down = (anew_kg(replace(recorded, forces_n=recorded.forces_n + sign * added_n)) for sign in (1.0, -1.0))
         row_kg = -estimate.mass_kg * inferred.contribution(source, "ln mass")
-        assert row_kg == pytest.approx((up - down) / 2, abs=0.02 * estimate.u_kg), source
+        assert row_kg == pytest.approx((up - down) / 2, abs=0.025 * estimate.u_kg), source
     rows = {row.source: row for row in estimate.budget}
     shapes = [inferred.contribution(shape_of_force(n), "ln mass") for n in range(force_shapes().shape[1])]
     assert rows[FORCE].u_kg == pytest.approx(estimate.mass_kg * np.linalg.norm(shapes), rel=1e-9)
@@ -329,7 +329,7 @@ def test_without_them_zeros_that_move_would_be_in_the_mass() -> None:
         beside=Beside(camera=without_causes(calibration)),
     )
     assert abs(bare.estimate.mass_kg - truth) > 4.0
-    assert abs(calibration.estimate.mass_kg - truth) < 1.0
+    assert abs(calibration.estimate.mass_kg - truth) < 1.5
 
 
 LOW_PASS = LowPass(300.0)

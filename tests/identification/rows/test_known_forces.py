@@ -19,6 +19,7 @@ from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.error_source import SourceKind
 from recoil_rigs.rig import Rig, parse_rig
 from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.shots.stated_uncertainty import with_dynamic_certificate
 from tests.builders.virtual_shots import VirtualShot, virtual_shot, with_channels
 
 SETTINGS = {"gain_errors": False, "friction_error": False}
@@ -144,7 +145,9 @@ def test_a_gauge_that_reads_five_percent_low_is_told_by_the_declared_impulse_alo
 
 @pytest.mark.exhaustive
 def test_a_gauge_off_its_certificate_contradicts_what_is_declared_and_both_sides_are_named():
-    found = identify(projectile(), p_breech=0.95)
+    shot = plain().shot
+    low = with_channels(shot, p_breech=0.95 * shot.channels["p_breech"].samples)
+    found = identify_shot(FiredShot(low, with_dynamic_certificate(knowing(projectile()), "p_breech")), Options())
     (check,) = found.force_checks
     assert check.off_percent == pytest.approx(-5.0, abs=0.2)
     assert abs(check.normalised_residual) > check.limit
@@ -153,6 +156,11 @@ def test_a_gauge_off_its_certificate_contradicts_what_is_declared_and_both_sides
     assert f"{SOURCE} contradicts breech_pressure and the other sensors" in text
     assert "is declared too large" in text
     assert any("breech_pressure" in str(one) and "reads low" in str(one) for one in found.reasons)
+    # one that was calibrated at rest is the likelier cause, and is named alone
+    at_rest = identify(projectile(), p_breech=0.95)
+    (reason,) = at_rest.reasons
+    assert reason.startswith("breech_pressure sensitivity and area contradicts the other sensors: it reads low")
+    assert "breech_pressure dynamic scale reads low" in reason
 
 
 @pytest.mark.exhaustive

@@ -381,7 +381,7 @@ def test_the_normalised_error_is_that_of_expanded_uncertainties():
 
 
 def test_scales_are_gauge_and_area_together():
-    rig = bench_rig(u_rel=0.003)
+    rig = bench_rig(u_rel=0.003, p_breech='calibration = "dynamic"')
     mechanism = replace(rig.mechanism, u={"bore_area": 0.004 * 0.00883, "friction": 80.0})
     scales = scale_uncertainty(replace(rig, mechanism=mechanism))
     assert scales.gauges == pytest.approx((0.005, 0.003, 0.003))

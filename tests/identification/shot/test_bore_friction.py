@@ -46,7 +46,7 @@ def test_what_it_takes_off_is_taken_off_the_mass() -> None:
 def test_it_has_a_row_of_its_own_that_is_as_large_as_a_gauge_as_uncertain() -> None:
     rows = {row.source: row for row in identified(0.0, U_SHARE).chosen.estimate.budget}
     gauge = rows["breech_pressure sensitivity and area"]
-    u_gauge = virtual_shot().shot.by_role("breech_pressure").u_rel
+    u_gauge = virtual_shot().rig.by_role("breech_pressure").sensor.u_rel
     assert rows["bore_friction"].u_kg == pytest.approx(gauge.u_kg * U_SHARE / u_gauge, rel=1e-6)
     assert identified(0.0, U_SHARE).chosen.estimate.u_kg > identified(0.0, 0.0).chosen.estimate.u_kg
 

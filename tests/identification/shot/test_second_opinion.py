@@ -212,7 +212,7 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
     n = 8 + len(others) + 8
     m0 = found.route.calibration.m0_kg
     # what is known of each sensor by the rig file, which takes the areas for exact: gauges, friction, accelerometer
-    *gauges, accelerometer = (next(c.sensor.u_rel for c in rig.channels if c.role == role) for role in roles)
+    *gauges, accelerometer = (next(c.u_scale_rel for c in rig.channels if c.role == role) for role in roles)
     if not kind:
         gauges[0] = np.hypot(gauges[0], 0.006 / 0.99)
     u = [*gauges, rig.mechanism.u["friction"], accelerometer]

@@ -60,6 +60,22 @@ def test_the_summary_with_the_certificates_is_the_shot(
 
 
 @pytest.mark.whole_way
+@pytest.mark.parametrize("name", ["mixed", "field-2013"])
+def test_a_certificate_that_was_found_in_pulses_lifts_what_one_at_rest_leaves_open(name: str) -> None:
+    virtual, at_rest = virtual_shot(name), identified(name)
+    text = virtual.rig.text.replace('serial = "V301",', 'serial = "V301", calibration = "dynamic",')
+    dynamic = identify_shot(FiredShot(virtual.shot, parse_rig(text, virtual.rig.path)), Options())
+    rows = [{row.source: row for row in one.chosen.estimate.budget} for one in (at_rest, dynamic)]
+    assert "breech_pressure dynamic scale" not in rows[1]
+    row, scale = rows[0]["breech_pressure dynamic scale"], rows[0]["breech_pressure sensitivity and area"]
+    assert (row.scope, row.u_kg) == ("sensor", pytest.approx(scale.u_kg))  # 0.5 % each
+    u_at_rest, u_dynamic = (one.chosen.estimate.u_kg / one.chosen.estimate.mass_kg for one in (at_rest, dynamic))
+    assert u_dynamic < 0.95 * u_at_rest
+    assert u_at_rest <= 0.0078
+    assert u_dynamic <= 0.0068
+
+
+@pytest.mark.whole_way
 @pytest.mark.parametrize("of", [identified, by_the_camera])
 def test_a_common_factor_of_mass_and_forces_changes_no_row(of: Callable[[str], Identification]) -> None:
     summary = of("mixed").summary
@@ -82,6 +98,7 @@ def test_influences_are_known_by_what_they_are() -> None:
     identity = sensor.serial or f"mixed/{breech.name}"
     assert by_name["ln breech_pressure"] == {
         f"sensor:breech_pressure:{identity}" + (f":{sensor.calibrated}" if sensor.calibrated else ""): sensor.u_rel,
+        f"dynamic:breech_pressure:{identity}": 0.005,
         "rig:mixed:bore_area": 0.0,
     }
     assert by_name["friction share"] == {"rig:mixed:friction": pytest.approx(0.1)}
@@ -161,8 +178,10 @@ def test_without_a_friction_and_a_release_their_errors_stay_what_is_known() -> N
 def test_each_source_of_the_budget_says_what_shares_it() -> None:
     found = identified("mixed")
     scopes = {row.source: row.scope for row in found.chosen.estimate.budget}
-    sensors = {"breech_pressure sensitivity and area": "V301", "recoil_acceleration sensitivity": "V101"}
-    for source, serial in (sensors | {"camera scale": "V401"}).items():
+    sensors = dict.fromkeys(("breech_pressure sensitivity and area", "breech_pressure dynamic scale"), "V301")
+    sensors |= {"recoil_acceleration sensitivity": "V101"}
+    sensors |= {"camera scale": "V401"}
+    for source, serial in sensors.items():
         assert (scopes[source], found.sensors[source]) == ("sensor", serial)
     assert {scopes[source] for source in ("packing friction", "release from the battery stop")} == {"rig"}
     assert scopes["bow of the camera's picture"] == scopes["the carriage's part of the travel too large"] == "rig"
@@ -175,6 +194,7 @@ def test_of_several_gauges_each_is_a_sensor_of_its_own_and_a_standard_is_the_rig
     assert sensors["p_breech sensitivity"] == "V301"
     assert sensors["p_breech_2 sensitivity"] == "V399"
     assert sensors["breech_pressure sensitivity and area"] == "V301 and V399"
+    assert sensors["p_breech_2 dynamic scale"] == "V399"
     assert part_of_scale(ErrorSource(SourceKind.STANDARD, "dead weights")).scope == "rig"
 
 

@@ -165,13 +165,13 @@ def test_a_campaign_is_demonstrated_beside_the_truth(run, tmp_path, monkeypatch:
     monkeypatch.setattr("recoil_daq.demo.CAMPAIGN_DEMO_SHOTS", 2)
     # the bundled rig in shorter records
     shutil.copy(find_rig("mixed").parent / "mixed.dbc", tmp_path)
-    (tmp_path / "rig.toml").write_text(with_twin("mixed", **SHORTER).text, encoding="utf-8")
+    (tmp_path / "rig.toml").write_text(with_twin("mixed", **SHORTER | {"duration_s": 0.45}).text, encoding="utf-8")
     monkeypatch.setattr("recoil_daq.demo.DEMO_RIG", str(tmp_path / "rig.toml"))
     result = run("demo", "--campaign", "--out", tmp_path, "--json")
     document = json.loads(result.stdout)
     assert abs(document["truth"]["error_percent"]) < 1.0
     assert document["campaign"]["mass"]["value"] == pytest.approx(document["truth"]["mass_kg"], rel=0.01)
-    assert [one["added_mass_kg"] for one in document["campaign"]["shots"]] == [0.0, 120.0]
+    assert [one["added_mass_kg"] for one in document["campaign"]["shots"]] == [0.0, 310.0]
     again = run("demo", "--campaign", "--out", tmp_path)
     assert again.exit_code == 3
     assert "an earlier campaign is here" in again.stderr

@@ -50,7 +50,7 @@ def words_of(change: str) -> list[str]:
     """Return the options that do what a line says, of the campaign that is expected."""
     plan = {"--shots": "4", "--added-mass": "120", "--u-added-mass": "0.05"}
     number = r"([0-9.e-]+)"
-    if found := re.fullmatch(rf"(\S+) calibrated (?:twice as well:|to) {number} %", change):
+    if found := re.fullmatch(rf"(\S+) calibrated (?:twice as well(?: at rest)?:|to) {number} %(?: at rest)?", change):
         plan["--with"] = f"{found[1]}.u_rel={float(found[2]) / 100}"
     elif found := re.fullmatch(rf"\S+ known (?:twice as well|to be none): (\S+) {number}", change):
         plan["--with"] = f"{found[1]}={found[2]}"
@@ -58,6 +58,8 @@ def words_of(change: str) -> list[str]:
         rf"{number} kg \(\d+ % of the mass\), weighed to {number} kg, added to every second shot", change
     ):
         plan |= {"--added-mass": found[1], "--u-added-mass": found[2]}
+    elif change.endswith(': calibration = "dynamic"'):
+        pass  # a line of the rig file, see `as_said`
     elif change == "nothing added to any shot":
         plan = {"--shots": "4"}
     elif found := re.fullmatch(r"(\d+) shots", change):
@@ -67,6 +69,15 @@ def words_of(change: str) -> list[str]:
     else:
         pytest.fail(f"nothing says how this is done: {change}")
     return [word for option in plan.items() for word in option]
+
+
+def as_said(text: str, change: str) -> str:
+    """Write into a rig file what a line says of it."""
+    channel, _, key = change.partition(" with a certificate as good of pulses like the shot's: ")
+    if not key:
+        return text
+    begins = text.index("sensor = {", text.index(f'name = "{channel}"')) + len("sensor = {")
+    return f"{text[:begins]} {key},{text[begins:]}"
 
 
 def promised(document: dict[str, Any]) -> tuple[float, float]:
@@ -87,7 +98,7 @@ def u_rel_of(done: Predicted, shots: int, added_kg: float) -> float:
 def test_a_prediction_has_what_is_promised_of_it() -> None:
     document = expected().to_json()
     assert document["schema"] == "recoil-daq/predict/1"
-    assert 0.0032 < document["u_rel"] < 0.0036  # a share, not percent
+    assert 0.0037 < document["u_rel"] < 0.0041  # a share, not percent
     told = [(one["shots"], one["added_mass_kg"]) for one in document["campaign"]]
     assert told == [(1, 0), *((n, added) for n in (4, 8, 16, 32) for added in (0, 120))]
     assert all(set(one) == {"change", "u_rel_shot", "u_rel_campaign"} for one in document["what_if"])
@@ -101,10 +112,10 @@ def test_a_prediction_has_what_is_promised_of_it() -> None:
 def test_what_is_printed_ends_with_what_to_expect() -> None:
     *_, last = str(expected()).splitlines()
     u = 100 * u_rel_of(expected(), 4, 120)
-    assert last.startswith(f"u {100 * expected().u_rel:.3f} % (2.7")
+    assert last.startswith(f"u {100 * expected().u_rel:.3f} % (3.0")
     assert f"u {u:.3f} %" in last
     assert last.endswith("from 4 shots, 120 kg added to every second")
-    assert "p_breech calibrated twice as well: 0.25 %" in str(expected())
+    assert "p_breech calibrated twice as well at rest: 0.25 %" in str(expected())
 
 
 @pytest.mark.whole_way
@@ -118,7 +129,7 @@ def test_a_campaign_states_what_was_predicted_of_it() -> None:
     # a shot that carried the mass tells what a bare one will
     by_heavier = predict(fired.rig, from_shot=fired.files[1], shots=4, plan=RING)
     # but for its own noise of the motion
-    assert by_heavier.u_rel == pytest.approx(expected().u_rel, rel=0.08)
+    assert by_heavier.u_rel == pytest.approx(expected().u_rel, rel=0.1)
     assert by_heavier.document["mass_kg"] == pytest.approx(782, rel=0.02)
 
 
@@ -137,7 +148,7 @@ def test_options_and_python_predict_the_same_of_a_recorded_shot(run: Run, stored
     assert json.loads(result.stdout) == json.loads(json.dumps(done.to_json()))
     plain = predict(load_rig("field-2013"), from_shot=stored, shots=6, plan=CampaignPlan(added_mass_kg=60.0))
     # what is left is what no gauge reads
-    assert done.u_rel < 0.9 * plain.u_rel
+    assert done.u_rel < 0.92 * plain.u_rel
     assert [shot["file"] for shot in done.document["provenance"]["inputs"]] == ["0001.h5"]
     shown = run("predict", "field-2013", "--from", stored, "--shots", "1")
     assert shown.exit_code == 0, shown.output
@@ -234,9 +245,10 @@ def test_every_line_of_what_could_be_done_can_be_done_and_keeps_its_promise(
     lines = expected().document["what_if"]
     monkeypatch.setattr(prediction, "_simulated", lambda *_: FIRED[0])
     path = tmp_path / "rig.toml"
-    path.write_text(shorter().text, encoding="utf-8")
     assert len(lines) > 10
+    assert any("pulses" in line["change"] for line in lines)
     for line in lines:
+        path.write_text(as_said(shorter().text, line["change"]), encoding="utf-8")
         result = run("predict", path, *words_of(line["change"]), "--json")
         assert result.exit_code == 0, (line, result.output)
         document = json.loads(result.stdout)

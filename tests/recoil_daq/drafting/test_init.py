@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from recoil_daq.drafting.rig_draft import Entry, Question, RigDraft, Table
 from recoil_rigs.rig import Rig, find_rig, load_rig, parse_rig
 from recoil_rigs.tables.rig_tables import RedundantAlignment
 from recoil_rigs.twin import TwinShot
-from tests.builders.filled_drafts import filled, mechanism_of, write_certificates
+from tests.builders.filled_drafts import WEIGHT, filled, mechanism_of, write_certificates
 from tests.builders.shared_data import shared_file
 from tests.builders.shots import make_shot
 
@@ -146,6 +147,48 @@ def test_a_terminal_is_asked_and_enter_takes_what_is_proposed(
     assert mechanism["XA"].startswith("TODO ")
 
 
+def test_the_weighed_mass_and_how_the_breech_gauge_was_calibrated_are_asked_for(
+    run, recorded: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drafted = draft_rig(recorded, out=tmp_path / "rig.toml").to_json()
+    asked = {one["key"]: one["proposal"] for one in drafted["open"]}
+    assert {"knowledge.weighed_mass_kg", "knowledge.u_weighed_mass_kg"} <= asked.keys()
+    assert {key[-25:]: one for key, one in asked.items() if key.endswith("calibration")} == {
+        "'p_breech'.sensor.calibration"[-25:]: "static"
+    }
+    monkeypatch.setattr("recoil_daq.terminal.session.Session.asks", True)
+    key = ""
+
+    def typed(_: str, **more: str) -> str:
+        answers = {"knowledge.weighed_mass_kg": "310,5 kg", "knowledge.u_weighed_mass_kg": "50 g"}
+        return answers.get(key, more["default"])
+
+    def echo(text: str = "", **_: object) -> None:
+        nonlocal key
+        key = next(iter(re.findall(r"^\[\d+ of \d+\] (.*?): ", str(text))), key)
+
+    monkeypatch.setattr("typer.prompt", typed)
+    monkeypatch.setattr("typer.echo", echo)
+    assert run("init", *recorded, "--out", tmp_path / "rig.toml").exit_code == 0
+    tables = tomllib.loads((tmp_path / "rig.toml").read_text(encoding="utf-8"))
+    assert tables["knowledge"] == {"weighed_mass_kg": 310.5, "u_weighed_mass_kg": 0.05}
+    (gauge,) = [one for one in tables["channel"] if one.get("role") == "breech_pressure"]
+    assert gauge["sensor"]["calibration"] == "static"  # what is proposed is taken
+
+
+def test_a_mass_that_nobody_has_is_left_out_and_is_not_asked_for_again(recorded: list[Path], tmp_path: Path) -> None:
+    first = draft_rig(recorded, out=tmp_path / "rig.toml")
+    answers = {one.parts: one.question.read("-") for one in first.draft.questions() if one.parts[0] == "knowledge"}
+    text = first.with_answers(answers).draft.text()
+    assert "weighed_mass_kg" not in text
+    again = {True: first.draft.text(), False: text}
+    for is_asked, of in again.items():
+        other = tmp_path / f"{is_asked}.toml"
+        other.write_text(of, encoding="utf-8")
+        second = draft_rig(recorded, other=other, out=tmp_path / "rig.toml")
+        assert any(one.parts[0] == "knowledge" for one in second.draft.questions()) is is_asked
+
+
 def test_whoever_is_asked_may_end_it(
     run, recorded: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -196,7 +239,8 @@ def test_an_overdue_certificate_is_a_fault_of_check(run, mixed_shot: TwinShot, t
     drafted = draft_rig(mixed_shot.files, databases=[database], sensors=table, out=tmp_path / "rig.toml")
     places = {"position": [0.0, 0.0]}
     typed = {
-        "mechanism": mechanism_of("mixed"), "acc_recoil": places, "acc_carriage_x": places, "acc_carriage_y": places,
+        "mechanism": mechanism_of("mixed"), "knowledge": WEIGHT,
+        "acc_recoil": places, "acc_carriage_x": places, "acc_carriage_y": places,
         "imu_f32_at_8": {"unit": "rad/s", "role": "carriage_rate"},
         "imu_f32_at_12": {"unit": "rad/s", "role": "tipping_rate", "polarity": 1},
     }  # fmt: skip

@@ -15,7 +15,7 @@ from recoil_daq.drafting.init import DraftedRig, draft_rig
 from recoil_daq.recording.ingest import ingest_files
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import TwinShot
-from tests.builders.filled_drafts import filled, mechanism_of
+from tests.builders.filled_drafts import WEIGHT, filled, mechanism_of
 from tests.builders.own_files import RATE_PER_COUNT, write_own_files
 
 RECORDED = ("Messung_0001.csv", "Bus1_0001.log", "Bus2_0001.log", "Kreisel_0001.bin", "Kamera_0001.csv")
@@ -168,6 +168,7 @@ def test_a_port_of_whole_numbers_is_read_when_its_clocks_tick_is_known() -> None
 
 MECHANISM = mechanism_of("mixed")
 FIRST = {
+    "knowledge": WEIGHT,
     "can": {"database": "bus1.dbc"}, "can_2": {"database": "bus2.dbc"},
     "serial": {"device_time": {"field": "device_time", "tick_s": 1e-6, "modulo": 1 << 32}},
 }  # fmt: skip

@@ -9,7 +9,7 @@ import pytest
 
 from recoil_daq.drafting.init import draft_rig
 from recoil_rigs.twin import TwinShot
-from tests.builders.filled_drafts import filled, mechanism_of, write_certificates
+from tests.builders.filled_drafts import WEIGHT, filled, mechanism_of, write_certificates
 from tests.builders.real_records import EMPS_COULOMB_N, EMPS_KG, EMPS_VISCOUS_N_S_M
 from tests.builders.shared_data import shared_file
 
@@ -18,6 +18,7 @@ MOST_TYPED = 12
 FIELDS = {"gyro_carriage": "f32_at_8", "gyro_tipping": "f32_at_12", "acc_x": "f32_at_16"}
 """Fields of the inertial sensor's frames, by their places: nothing in the bytes has their names."""
 TYPED = {
+    "knowledge": WEIGHT,
     "acc_recoil": {"position": [-0.30, 0.06]},
     "acc_carriage_x": {"position": [0.05, -0.10]},
     "acc_carriage_y": {"position": [0.05, -0.10]},

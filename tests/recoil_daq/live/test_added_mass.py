@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
-from recoil_daq.live.added_mass import AddedMass, AddedMassEntry
+from recoil_daq.live.added_mass import AddedMass, AddedMassEntry, weight_of
 from recoil_daq.live.shots import shot_work
 from recoil_rigs.rig import load_rig
 from tests.builders.range_session import Range, Told
@@ -98,3 +98,60 @@ def test_an_empty_answer_leaves_it_and_a_dash_takes_it_back(tmp_path: Path, monk
     assert (": 7", "3 kg, taken as exact") in asked
     assert (": -", "7 kg, taken as exact") in asked
     assert asked[-1][1] == ""
+
+
+WEIGHT = AddedMass(310.0, 0.05)
+
+
+def test_a_weight_at_hand_is_put_on_in_turn_and_counts_as_soon_as_somebody_says_that_it_is_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    display = Told(has_keys=True, keys={"0004 captured": "qy"})
+    one = Range(monkeypatch, load_rig("mixed"), tmp_path, display, weight=WEIGHT)
+    asked: list[str] = []
+    monkeypatch.setattr(display, "show", lambda state: asked.append(state.asked))
+
+    def fires() -> None:
+        one.session.fired(1.0 + len(display.told("captured")))
+
+    def answer(words: str, keys: str) -> None:
+        def said() -> None:
+            display._pressed.extend(keys)
+            display.then["of the shots to come"] = fires
+
+        display.then[words] = said
+
+    for shot, keys in (("0001", "y"), ("0002", "m250 0.1\n"), ("0003", "y")):
+        answer(f"{shot} captured", keys)
+    display._pressed.extend("y")
+    display.then["of the shots to come"] = fires
+    one.run()
+    questions = [one for one in dict.fromkeys(asked) if "carry" in one]
+    assert questions == [
+        "does shot 0001 carry 0 kg? y yes, m another",
+        "does shot 0002 carry 310 kg, u 0.05 kg? y yes, m another",
+        "does shot 0003 carry 0 kg? y yes, m another",
+        "does shot 0004 carry 0 kg? y yes, m another",  # as 0003 had another weight on
+        "does shot 0005 carry 310 kg, u 0.05 kg? y yes, m another",
+    ]
+    rows = ShotLog.read(tmp_path / SHOT_LOG, ["0001", "0002", "0003", "0004"]).rows
+    assert [(r.added_mass_kg, r.u_added_mass_kg) for r in rows] == [(0.0, 0.0), (310.0, 0.05), (250.0, 0.1), (0.0, 0.0)]
+
+
+def test_of_a_shot_of_which_nobody_said_whether_it_carries_the_weight_nothing_is_logged_and_that_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    display = Told(has_keys=True, keys={"0001 captured": "qy"})
+    one = Range(monkeypatch, load_rig("mixed"), tmp_path, display, weight=WEIGHT)
+    one.session.fired(1.0)
+    one.run()
+    said = "shot 0001: nobody said whether it carries 310 kg, u 0.05 kg: write its `added_mass_kg` into the shot log"
+    assert said in display.notices
+    assert not (tmp_path / SHOT_LOG).exists()
+
+
+def test_the_weight_is_what_the_rig_has_at_hand() -> None:
+    rig = load_rig("mixed")
+    assert weight_of(rig.knowledge) is None
+    known = rig.knowledge.model_copy(update={"weighed_mass_kg": 310.0, "u_weighed_mass_kg": 0.05})
+    assert weight_of(known) == WEIGHT

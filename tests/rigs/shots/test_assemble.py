@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -214,7 +215,7 @@ def test_a_channel_keeps_its_counts_its_clock_and_where_it_came_from():
     assert (channel.raw.gain, channel.raw.offset, channel.raw.unit) == (0.5, 0.0, "MPa")
     assert channel.resolution == 5e5
     assert (channel.time_base.clock, channel.time_base.count) == ("recorder", 3)
-    assert (channel.signal, channel.role, channel.u_rel) == ("AI 1/p", "breech_pressure", 0.004)
+    assert (channel.signal, channel.role, channel.u_rel) == ("AI 1/p", "breech_pressure", math.hypot(0.004, 0.005))
     assert channel.history[0].parameters == {"file": "file.csv", "reader": "arrays", "signal": "AI 1/p", "unit": "MPa"}
     assert channel.history[1].parameters == {"factor": 1e6, "offset": 0.0}
 

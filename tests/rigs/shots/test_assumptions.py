@@ -28,6 +28,7 @@ def test_what_has_no_uncertainty_no_sensor_and_no_date_is_named() -> None:
         "none is taken, 0 kg: carried_mass",
         "not measured: carriage_acceleration_x, carriage_acceleration_y, carriage_rate, tipping_rate",
         "nothing that the breech chain does is taken until stated: muzzle_brake, tube_axial_hz, p_breech",
+        "scale in a pulse known to 0.5 % only: p_breech",
         "zero that may move by 0.1 % of the range: p_breech, p_brake, p_recuperator",
         "delay taken as exact: p_recuperator",
         "no calibration standard in common (1 % of one would be 1 % of the mass): p_breech, p_brake, p_recuperator",
@@ -93,6 +94,16 @@ def test_of_a_breech_gauge_it_is_said_what_its_sensor_leaves_out(stated: str, la
     assert row["detail"].startswith(f"its sensor has no {lacks}: ")
 
 
+def test_a_breech_gauge_is_taken_as_static_until_its_certificate_says_how_it_was_found() -> None:
+    (row,) = [one for one in assumptions_of(bench_rig()) if "pulse" in one["taken"]]
+    assert (row["quantity"], row["taken"]) == ("p_breech", "scale in a pulse known to 0.5 % only")
+    for named in ("`calibration`", '"static"', '"dynamic"', "weigh a mass and add it to every second shot"):
+        assert named in row["detail"]
+    for said in ("static", "dynamic"):
+        rig = bench_rig(p_breech=f'calibration = "{said}"')
+        assert not [one for one in assumptions_of(rig) if "pulse" in one["taken"]]
+
+
 def test_a_usual_value_whose_uncertainty_alone_is_stated_is_said() -> None:
     detail = "[mechanism] has u_bore_friction and no bore_friction"
     assert said_of("bore_friction", "u_bore_friction = 0.002") == [("1 % of the breech force is taken", detail)]
@@ -129,6 +140,7 @@ def test_what_is_stated_is_no_assumption() -> None:
         "taken as exact: bore_area, brake_area, recuperator_area",
         *NOT_READ,
         "nothing that the breech chain does is taken until stated: muzzle_brake, tube_axial_hz, p_breech",
+        "scale in a pulse known to 0.5 % only: p_breech",
         "delay of 0 +- 2 ms: p_recuperator",
         "no calibration standard in common (1 % of one would be 1 % of the mass): p_breech, p_brake, p_recuperator",
     ]

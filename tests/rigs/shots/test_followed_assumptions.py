@@ -19,7 +19,7 @@ VALUES: dict[str, Any] = {
     "u_muzzle_brake": 0.0, "tube_axial_hz": 60.0, "u_linearity_rel": 0.0,
     "gauge_ahead": {"chamber_length_m": 0.4, "projectile_mass_kg": 10.0, "u_share": 0.01},
     "u_zero_rel": 0.001, "delay_s": 0.0, "u_delay_s": 2e-5, "reference": "deadweight 7", "u_distortion_m": 1e-4,
-    "calibrated": dt.date(2026, 1, 15),
+    "calibrated": dt.date(2026, 1, 15), "calibration": "static",
 }  # fmt: skip
 
 

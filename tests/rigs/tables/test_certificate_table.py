@@ -50,11 +50,11 @@ def test_the_range_of_a_chain_is_in_what_its_sensitivity_is_per(tmp_path: Path) 
 
 
 def test_shares_come_of_percent_and_lengths_of_millimetres(tmp_path: Path) -> None:
-    head = "serial,U_percent,k,reference,u_reference_percent,zero_percent,distortion_mm,delay_s,u_delay_s"
-    (one,) = read(tmp_path, head, "A,1.2,2.4,dw-7,0.3,0.1,0.05,0.0004,1e-5")
+    head = "serial,U_percent,k,reference,u_reference_percent,zero_percent,distortion_mm,delay_s,u_delay_s,calibration"
+    (one,) = read(tmp_path, head, "A,1.2,2.4,dw-7,0.3,0.1,0.05,0.0004,1e-5,Dynamic")
     assert one.sensor(None) == {
         "serial": "A", "u_rel": 0.005, "reference": "dw-7", "u_reference_rel": 0.003, "u_zero_rel": 0.001,
-        "u_distortion_m": 5e-5, "delay_s": 0.0004, "u_delay_s": 1e-5,
+        "u_distortion_m": 5e-5, "delay_s": 0.0004, "u_delay_s": 1e-5, "calibration": "dynamic",
     }  # fmt: skip
 
 
@@ -92,6 +92,11 @@ def test_a_fault_is_one_line_with_its_cell(tmp_path: Path, old: str, new: str, f
     assert len(refused.value.faults) == 1
     assert str(refused.value.faults[0]).startswith(fault)
     assert "\n" not in str(refused.value)
+
+
+def test_a_certificate_is_static_or_dynamic(tmp_path: Path) -> None:
+    with pytest.raises(RigError, match=r"row 2 'V301'\.calibration: expected static or dynamic; found 'in pulses'"):
+        read(tmp_path, f"{HEAD},calibration", f"{SOUND},in pulses")
 
 
 def test_all_faults_are_told_at_once(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import errno
 import io
 import json
 import struct
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -81,6 +82,24 @@ def test_the_recorders_files_a_copy_of_the_rig_and_the_truth_are_there(mixed: Tw
         (source,) = copy.matching(path.name)
         assert mixed.truth["sources"][source.name]["file"] == path.name
     assert json.loads(mixed.truth_file.read_text(encoding="utf-8")) == mixed.truth
+
+
+@pytest.mark.whole_way
+def test_a_breech_gauge_that_was_calibrated_at_rest_is_off_in_a_pulse_as_well(tmp_path: Path) -> None:
+    serial = 'serial = "V301",'
+    dynamic = variant("field-2013", FAST, **{serial: f'{serial} calibration = "dynamic",'})
+    at_rest = variant("field-2013", FAST)
+    gains = [
+        simulate_shot(rig, tmp_path / str(k), seed=seed, shot="1", campaign_seed=5).truth["gains"]
+        for k, (rig, seed) in enumerate(((at_rest, 11), (at_rest, 12), (dynamic, 11)))
+    ]
+    assert gains[0] == gains[1]  # the campaign's
+    assert {name for name, gain in gains[0].items() if gain != gains[2][name]} == {"p_breech"}
+    scene = draw_scene(at_rest, 1, "1", 1)
+    drawn = [replace(scene, campaign_seed=seed).gain_in_pulses(at_rest.channel("p_breech")) for seed in range(400)]
+    assert np.mean(drawn) == pytest.approx(1.0, abs=0.001)
+    assert np.std(drawn) == pytest.approx(0.005, rel=0.15)
+    assert {scene.gain_in_pulses(one) for one in at_rest.channels if one.role != "breech_pressure"} == {1.0}
 
 
 @pytest.mark.exhaustive

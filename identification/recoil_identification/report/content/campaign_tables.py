@@ -241,6 +241,26 @@ def learnt(document: Document) -> list[Row]:
     return rows
 
 
+def gauges(document: Document) -> list[Row]:
+    """One row for each gauge of a force: how it reads in the shots; none in an earlier answer."""
+    rows = []
+    for one in document.get("gauges") or ():
+        value, u = rounded(100 * one["value"], 100 * one["u"])
+        own, u_own = rounded(100 * one["gauge"]["value"], 100 * one["gauge"]["u"])
+        rows.append(
+            {
+                "gauge": f"{one['force']}, sensor {one['sensors']}",
+                "known": significant(100 * one["known_u"], 2),
+                "value": signed(value),
+                "u": u,
+                "beside": ", ".join(one["beside"]),
+                "own": signed(own),
+                "u_own": u_own,
+            }
+        )
+    return rows
+
+
 def _place(in_u: float) -> float:
     """Percent of a bar's length."""
     return 50.0 + 50.0 * max(-BAR_REACH, min(BAR_REACH, in_u)) / BAR_REACH

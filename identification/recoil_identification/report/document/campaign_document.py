@@ -16,6 +16,7 @@ from recoil_identification.campaign.campaign import Campaign, Estimated, Learnt,
 from recoil_identification.campaign.charted import Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
 from recoil_identification.campaign.constancy import SharedConstancy
+from recoil_identification.campaign.gauge_scales import GaugeScale
 from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.campaign.suspects import SharedSuspicion
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
@@ -100,6 +101,7 @@ def campaign_document(
         ],
         "shots": [_shot(one, (pages or {}).get(one.shot.name)) for one in campaign.shots],
         "common": [*map(_learnt, campaign.common), *_unread_force(campaign.unread_force)],
+        "gauges": [_gauge(one) for one in campaign.gauges],
         "constancy": _constancy(campaign.constancy),
         "breech_chain": _breech_chain(campaign.suspicion),
         "agreement": _agreement(campaign.agreement),
@@ -280,6 +282,16 @@ def _learnt(one: Learnt) -> dict[str, Any]:
         **stated(one, "value", "u"),
         "unit": one.influence.unit,
         "normalised_residual": one.normalised_residual,
+    }
+
+
+def _gauge(one: GaugeScale) -> dict[str, Any]:
+    return {
+        **stated(one, "force", "sensors", "value", "u", "known_u"),
+        "U95": [one.value - COVERAGE_FACTOR * one.u, one.value + COVERAGE_FACTOR * one.u],
+        "beside": list(one.beside),
+        "gauge": {"value": one.gauge, "u": one.u_gauge},
+        "told": one.is_told,
     }
 
 

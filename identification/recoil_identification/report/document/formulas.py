@@ -172,6 +172,9 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
                                         "JCGM 100:2008 (GUM), 5.1.3: c_i = df/dx_i")),
     ("budget.*_pressure sensitivity and area.u_source", Formula(
         "sqrt(u_rel^2 + (u_area / area)^2)", _CERTIFICATE, (), GAUGE_ROLES, OF_FORCES[:3])),
+    ("budget.*dynamic scale.u_source", Formula(
+        "0.005 of a breech gauge whose certificate is not stated as dynamic",
+        "Metrologia 55 (2018) S52: the best standard of such pulses has U 1.5 %", (), ("breech_pressure",))),
     ("budget.packing friction.u_source", Formula("u_friction", _CERTIFICATE, (), (), ("friction",))),
     ("budget.recoil_acceleration sensitivity.u_source", Formula("u_rel", _CERTIFICATE, (), ("recoil_acceleration",))),
     ("budget.camera scale.u_source", Formula("u_rel", _CERTIFICATE, (), ("recoil_displacement",))),
@@ -237,6 +240,9 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
         "sum of squares of what the joint fit leaves of the rows: of those about changes of the mass within a shot, or "
         "of all others and of what was known beforehand",
         "G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977", ("common", "repeatability"))),
+    ("gauges.*", Formula(
+        "sum of what a gauge's force is off by: certificate, pulse, standard, area, friction in the bore",
+        "the joint fit of all shots", ("common", "repeatability"))),
     ("breech_chain.*", Formula(
         "score tests of a bent breech gauge, of one ahead of the breech face, of a muzzle brake, of a tube's swing, of "
         "a part that hangs elastically and of amplifiers that droop, each at several values of what nobody states",

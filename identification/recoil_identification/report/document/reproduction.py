@@ -29,7 +29,7 @@ OF_RESIDUALS = 1e-6
 RESIDUALS = (
     "*.u", "*.u_*", "*U95*", "E_n", "budget.*", "uncertainty.*", "campaign.*", "constancy.*", "endogeneity.*",
     "mass_over_time.*", "sensors.*", "correlations.*", "conformity.*", "skew.*", "zero_shift.*", "fusion.*",
-    "provenance.parameters.residual_*", "configurations.*", "shots.*", "common.*", "signals.*", "charts.*",
+    "provenance.parameters.residual_*", "configurations.*", "shots.*", "common.*", "gauges.*", "signals.*", "charts.*",
     "repeatability.*", "agreement.*", "next.*", "quantities.*",
 )  # fmt: skip
 """Key paths of what is computed of residuals."""

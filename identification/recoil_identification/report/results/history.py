@@ -30,6 +30,7 @@ from recoil_identification.report.content.result_table import (
     mass_panel,
 )
 from recoil_identification.report.figure.figure import Figure
+from recoil_identification.shot.shot_summary import OF_DYNAMIC
 
 THIS = "this campaign"
 """Name of the new one among the others."""
@@ -80,12 +81,14 @@ def shared_kg2(one: Document, other: Document) -> float:
     """
     theirs = {(row["source"], row["scope"]): row for row in other["budget"]}
     certificates = _calibrations(one), _calibrations(other)
+    of_no_certificate = {of["influence"] for of in one["common"] if str(of["identity"]).startswith(OF_DYNAMIC)}
     found = 0.0
     for row in one["budget"]:
         same = theirs.get((row["source"], row["scope"]))
         if same is None or row["scope"] == OWN_SCOPE or not _equal(row["u_source"], same["u_source"]):
             continue
-        if certificates[0].get(row["scope"]) != certificates[1].get(row["scope"]):
+        renewed = certificates[0].get(row["scope"]) != certificates[1].get(row["scope"])
+        if renewed and row["source"] not in of_no_certificate:
             continue
         sign = 1.0
         if row["sensitivity_kg"] is not None and same["sensitivity_kg"] is not None:

@@ -113,7 +113,7 @@ def sensor_errors(
 
     def u_of(role: str) -> float:
         spec = fired.rig.by_role(role)
-        return spec.sensor.u_scale_rel if spec is not None and role in _channels(fired.shot) else 0.0
+        return spec.u_scale_rel if spec is not None and role in _channels(fired.shot) else 0.0
 
     statics = {
         "f_x": m.g * math.sin(m.phi10),

@@ -355,7 +355,7 @@ def _relative_u(rig: Rig) -> list[float]:
     """Return the relative standard uncertainties of breech, brake and recuperator force."""
     specs = [rig.by_role(role) for role in PRESSURE_ROLES]
     return [
-        math.hypot(spec.sensor.u_scale_rel if spec else 0.0, u_area)
+        math.hypot(spec.u_scale_rel if spec else 0.0, u_area)
         for spec, u_area in zip(specs, rig.mechanism.u_force_areas_rel, strict=True)
     ]
 

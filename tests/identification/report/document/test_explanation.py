@@ -72,7 +72,7 @@ def test_every_formula_of_the_table_is_that_of_a_number() -> None:
     # what a shot may have and these have not, and what a campaign and a target have
     campaigns = {"mass.E_n", "mass.deviation_kg", "mass.deviation_percent"}
     campaigns |= {"budget.random errors of the shots.degrees_of_freedom"}
-    campaigns |= {"agreement.*probability", "agreement.*factor", "agreement.*"}
+    campaigns |= {"agreement.*probability", "agreement.*factor", "agreement.*", "gauges.*"}
     targets = {"quantities.*.conformity.probability", "quantities.*.conformity.u_kg"}
     assert set(unused) <= {"budget.*zero that moves*.u_source"} | campaigns | targets
 

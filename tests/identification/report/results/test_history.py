@@ -21,7 +21,7 @@ from recoil_identification.report.results.history import (
     row_of,
     shared_kg2,
 )
-from tests.builders.campaign_summaries import MASS_KG, campaign_of
+from tests.builders.campaign_summaries import MASS_KG, at_rest, campaign_of
 
 PAIRS, SHOTS = 10, 4
 
@@ -83,6 +83,18 @@ def test_another_certificate_is_another_error(pairs: list[tuple[dict[str, Any], 
     other["channels"][0][key] = "another"
     (theirs,) = (row for row in other["budget"] if row["scope"] == "sensor 4")
     assert same - shared_kg2(one, other) == pytest.approx(gauge["u_kg"] * theirs["u_kg"])
+
+
+def test_a_scale_in_pulses_is_one_error_whatever_certificate_was_found_at_rest() -> None:
+    one, other = (answer(at_rest(campaign_of((0.0,) * 2, seed=seed).shots)) for seed in (1, 2))
+    for document, day in ((one, "2026-01-15"), (other, "2027-01-15")):
+        document["channels"] = [{"serial": "1", "certificate": "a", "calibrated": day}]
+    with_dynamic = shared_kg2(one, other)
+    rows = [next(row for row in of["budget"] if "dynamic scale" in row["source"]) for of in (one, other)]
+    for document in (one, other):
+        document["budget"] = [row for row in document["budget"] if "dynamic scale" not in row["source"]]
+    assert with_dynamic - shared_kg2(one, other) == pytest.approx(rows[0]["u_kg"] * rows[1]["u_kg"])
+    assert rows[0]["u_kg"] > 0.0
 
 
 @pytest.mark.whole_way
