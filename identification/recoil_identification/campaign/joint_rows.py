@@ -131,7 +131,7 @@ class JointRows(ReadOnlyArrays):
     columns
         Further unknowns.
     suspected
-        What each parameter is of that is a shape which no rig states, by its name.
+        Shape that no rig states, of each parameter that is the size of one, by its name.
     forgotten
         Identities of influences of which is not used what was stated of them.
     divided
