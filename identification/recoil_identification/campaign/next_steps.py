@@ -16,6 +16,7 @@ from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.joint_fit import JointFit, by_the_weight, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.campaign.prediction import ADDED_SHARES, NominalShot
+from recoil_identification.campaign.suspects import averaged_u_rel
 from recoil_identification.rows.unread_resistance import FORCE
 
 MOST_STEPS = 6
@@ -44,8 +45,7 @@ def next_steps(fit: JointFit) -> Advised[NextStep]:
         return joint_fit_under(rows, scatter)
 
     def u_kg(of_shots: Sequence[CampaignShot]) -> float:
-        found = by_the_weight(fit_of(JointRows.of(of_shots, of)), fit_of)
-        return mass_kg * found.u(found.rows.masses[0])
+        return mass_kg * averaged_u_rel(by_the_weight(fit_of(JointRows.of(of_shots, of)), fit_of))
 
     def more(added_kg: float, u_added_kg: float) -> list[CampaignShot]:
         return [*shots, *_more(last, len(shots), added_kg, u_added_kg)]

@@ -27,6 +27,7 @@ from recoil_identification.campaign.changes import DRIFT, STEP, Candidate, candi
 from recoil_identification.campaign.joint_fit import JointFit, by_the_weight, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.campaign.mechanisms import UNNAMED
+from recoil_identification.campaign.suspects import averaged_u_rel
 from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.causes import DISTORTIONS
 from recoil_identification.shot.shot_summary import (
@@ -36,6 +37,7 @@ from recoil_identification.shot.shot_summary import (
     ShotSummary,
     certified_influences,
 )
+from recoil_processing.shot.error_source import SourceKind
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.stated_uncertainty import (
     SCALED_ROLES,
@@ -61,6 +63,11 @@ UNREAD_KEYS = ("u_unread_share", UNREAD)
 """Keys of the resistance that no gauge reads, which a rig can state as none."""
 OF_NO_SHOT = ("u_carried_mass",)
 """Keys of what moves no shot's mass: it is in the comparison with the specification alone."""
+SHAPES = {
+    SourceKind.LINEARITY: "breech gauge with a straight line, found in a calibration: u_linearity_rel 0",
+    SourceKind.GAUGE_AHEAD: "breech gauge at the breech face: gauge_ahead with u_share 0",
+}
+"""Changes by which the breech gauge is known to have no such shape."""
 LEAST_SHOTS = 4
 """Number of shots of which half can differ from the other half."""
 
@@ -107,6 +114,14 @@ class NominalShot:
             return replace(one, influences=certified.get(one.name, one.influences))
 
         return replace(self, summary=replace(self.summary, parameters=tuple(map(of, self.summary.parameters))))
+
+    def knowing(self, kind: SourceKind) -> NominalShot:
+        """Return the shot of a rig that states a shape which it may else be asked for, and is asked for it no more."""
+        kept = (
+            replace(one, suspected=None) if one.suspected and one.suspected.source.kind is kind else one
+            for one in self.summary.parameters
+        )
+        return replace(self, summary=replace(self.summary, parameters=tuple(kept)))
 
     def carrying(self, added_mass_kg: float) -> NominalShot:
         """Return the shot with another mass added, driven by the same forces."""
@@ -213,8 +228,7 @@ def alone(plan: Plan) -> Plan:
 
 def predicted_u_rel(nominal: Sequence[NominalShot], plan: Plan) -> float:
     """Return the relative standard uncertainty of the mass without what is added."""
-    fit = predicted_fit(nominal, plan)
-    return fit.u(fit.rows.masses[0])
+    return averaged_u_rel(predicted_fit(nominal, plan))
 
 
 def found_by(nominal: Sequence[NominalShot], plan: Plan) -> Found:
@@ -280,6 +294,10 @@ def what_ifs(nominal: Sequence[NominalShot], rig: Rig, plan: Plan) -> Advised[Wh
         if channel.u_dynamic_rel:
             change = f'{channel.name} with a certificate as good of pulses like the shot\'s: calibration = "dynamic"'
             by(change, partial(with_dynamic_certificate, rig, channel.name))
+    asked = {one.suspected.source.kind for shot in nominal for one in shot.summary.parameters if one.suspected}
+    for kind, change in SHAPES.items():
+        if kind in asked:
+            changed[change] = partial(lambda kind: ([one.knowing(kind) for one in nominal], plan), kind)
     for added_kg, u_added_kg in _weights(rig, nominal[0].mass_kg) if plan.shots > 1 else ():
         if added_kg != plan.added_mass_kg:
             change = (

@@ -35,7 +35,7 @@ class SharedSuspicion(ReadOnlyArrays):
     shapes
         All of them.
     hypotheses
-        Of each trial of the fit.
+        Hypotheses of each trial of the fit.
     by : ndarray, shape (n_trials, n_masses, n_shapes)
         Amount by which the logarithm of each mechanism's mass moves for a size of one of each.
     weights, ln_weights : ndarray, shape (n_trials,)
@@ -154,3 +154,9 @@ def shared_suspicion(fit: JointFit) -> SharedSuspicion | None:
         by.append(-scores.moves[masses])
     suspicion = SharedSuspicion(shapes, tuple(found), np.array(by), fit.weights, fit.ln_weights)
     return suspicion if np.isfinite(suspicion.ln_bayes_factors).any() else None
+
+
+def averaged_u_rel(fit: JointFit) -> float:
+    """Return the relative standard uncertainty of the first mechanism's mass, the mean over what no rig states."""
+    suspicion, u_rel = shared_suspicion(fit), fit.u(fit.rows.masses[0])
+    return u_rel if suspicion is None else math.hypot(u_rel, math.sqrt(suspicion.moved(0)[1]))
