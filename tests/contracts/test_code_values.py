@@ -29,11 +29,10 @@ VALUES: dict[type[StrEnum], str] = {
     ),
     NoteCode: (
         "reader, no log row, log row, correction, set aside, not used, no estimate, no advice, filter, thinned, "
-        "unchecked, clock, role, record end, not identified, near limit, zero, added mass, agreement, motion noise, "
-        "configuration, specification, identified anew, comparison, model, not checked, sensitivity, assumption, "
-        "session, cut, lost, left out, second recording, time, own rate, contradiction, units, names, "
-        "unmatched, unseen, track, "
-        "excerpt"
+        "unchecked, clock, role, record end, not identified, near limit, gauge scale, zero, added mass, agreement, "
+        "motion noise, configuration, specification, identified anew, comparison, model, not checked, sensitivity, "
+        "assumption, session, cut, lost, left out, second recording, time, own rate, contradiction, units, names, "
+        "unmatched, unseen, track, excerpt"
     ),
     CautionCode: (
         "loss, log fault, damaged entries, unknown entries, not increasing, late stamps, other starts, other count, "
@@ -57,13 +56,13 @@ VALUES: dict[type[StrEnum], str] = {
     SignalKind: "mass step, sensor drift, outlier, added mass, calibration, chart",
     SourceGroup: "sensors, unread forces, motion noise, geometry",
     SourceKind: (
-        "random, sensitivity, force scale, camera scale, scale, scale and area, area, declared, standard, friction, "
-        "slide friction, unread share, unread force, unread shape, force line, zero, moving zero, repair, "
-        "lost samples, bridged, bridged shape, not recorded, release, gas, skew, delay, alignment, clock rate, "
-        "camera late, camera gain, "
-        "place, picture, carriage part, carriage zero, gauge difference, mass change, known impulse, known load, "
-        "parameter, choice, random of shots, sensor scale, bore friction, linearity, hysteresis, gauge ahead, "
-        "muzzle brake, tube, hanging part, breakaway, time constant, unstated, added mass"
+        "random, sensitivity, dynamic scale, force scale, camera scale, scale, scale and area, area, declared, "
+        "standard, friction, slide friction, unread share, unread force, unread shape, force line, zero, moving zero, "
+        "repair, lost samples, bridged, bridged shape, not recorded, release, gas, skew, delay, alignment, clock "
+        "rate, camera late, camera gain, place, picture, carriage part, carriage zero, gauge difference, mass change, "
+        "known impulse, known load, parameter, choice, random of shots, sensor scale, sensor dynamic scale, bore "
+        "friction, linearity, hysteresis, gauge ahead, muzzle brake, tube, hanging part, breakaway, time constant, "
+        "unstated, added mass"
     ),
 }
 

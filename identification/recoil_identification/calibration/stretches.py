@@ -1,4 +1,4 @@
-"""What the stretches of a record say of a mass one by one, beside the noise that its rows were given.
+"""Stretches of a record, and what they say of a mass one by one, beside the noise that its rows were given.
 
 A body on a line that goes to and fro rubs by the place, the direction and the temperature, in ways that no stationary
 noise is: the masses of its strokes differ by more than their rows allow. With h the influence of each whitened row on

@@ -64,10 +64,10 @@ UNREAD_KEYS = ("u_unread_share", UNREAD)
 OF_NO_SHOT = ("u_carried_mass",)
 """Keys of what moves no shot's mass: it is in the comparison with the specification alone."""
 SHAPES = {
-    SourceKind.LINEARITY: "breech gauge with a straight line, found in a calibration: u_linearity_rel 0",
-    SourceKind.GAUGE_AHEAD: "breech gauge at the breech face: gauge_ahead with u_share 0",
+    SourceKind.LINEARITY: "{} with a line that a calibration found straight: u_linearity_rel = 0",
+    SourceKind.GAUGE_AHEAD: "{} that reads what drives the part: gauge_ahead with u_share = 0",
 }
-"""Changes by which the breech gauge is known to have no such shape."""
+"""Changes by which a breech gauge is known to have no such shape."""
 LEAST_SHOTS = 4
 """Number of shots of which half can differ from the other half."""
 
@@ -295,9 +295,9 @@ def what_ifs(nominal: Sequence[NominalShot], rig: Rig, plan: Plan) -> Advised[Wh
             change = f'{channel.name} with a certificate as good of pulses like the shot\'s: calibration = "dynamic"'
             by(change, partial(with_dynamic_certificate, rig, channel.name))
     asked = {one.suspected.source.kind for shot in nominal for one in shot.summary.parameters if one.suspected}
-    for kind, change in SHAPES.items():
-        if kind in asked:
-            changed[change] = partial(lambda kind: ([one.knowing(kind) for one in nominal], plan), kind)
+    breech = next((one.name for one in rig.channels if one.role == "breech_pressure"), "")
+    for kind in asked.intersection(SHAPES):
+        changed[SHAPES[kind].format(breech)] = partial(lambda of: ([one.knowing(of) for one in nominal], plan), kind)
     for added_kg, u_added_kg in _weights(rig, nominal[0].mass_kg) if plan.shots > 1 else ():
         if added_kg != plan.added_mass_kg:
             change = (

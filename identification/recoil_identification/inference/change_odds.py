@@ -33,7 +33,7 @@ def ln_odds_of_change(ln_bayes_factors: Array) -> Array:
     Parameters
     ----------
     ln_bayes_factors : ndarray, shape (..., n_changes)
-        That of the drift first, those of the steps behind it.
+        Logarithms of the factors, that of the drift first, those of the steps behind it.
     """
     steps = ln_bayes_factors[..., 1:]
     of_step = np.logaddexp.reduce(steps, axis=-1) - math.log(steps.shape[-1])

@@ -50,7 +50,7 @@ def folded_samples(
     anti_alias
         Anti-alias filter of the source.
     integral
-        How often the reference is integrated to what the source samples.
+        Number of times that the reference is integrated to what the source samples.
 
     Returns
     -------

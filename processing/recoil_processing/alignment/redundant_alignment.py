@@ -38,7 +38,7 @@ LONGEST_GAP = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Beside(ReadOnlyArrays):
-    """What acts on a source beside its reference: of known form, of a size that is more or less known.
+    """Effect on a source beside its reference, of known form, of a size that is more or less known.
 
     Attributes
     ----------

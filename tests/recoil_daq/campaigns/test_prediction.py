@@ -58,7 +58,7 @@ def words_of(change: str) -> list[str]:
         rf"{number} kg \(\d+ % of the mass\), weighed to {number} kg, added to every second shot", change
     ):
         plan |= {"--added-mass": found[1], "--u-added-mass": found[2]}
-    elif change.endswith(': calibration = "dynamic"'):
+    elif change.endswith((': calibration = "dynamic"', "u_linearity_rel = 0", "gauge_ahead with u_share = 0")):
         pass  # a line of the rig file, see `as_said`
     elif change == "nothing added to any shot":
         plan = {"--shots": "4"}
@@ -74,6 +74,13 @@ def words_of(change: str) -> list[str]:
 def as_said(text: str, change: str) -> str:
     """Write into a rig file what a line says of it."""
     channel, _, key = change.partition(" with a certificate as good of pulses like the shot's: ")
+    if not key:
+        channel, _, key = change.partition(" with a line that a calibration found straight: ")
+    if change.endswith("gauge_ahead with u_share = 0"):
+        channel, key = (
+            change.split(maxsplit=1)[0],
+            "gauge_ahead = { chamber_length_m = 0.5, projectile_mass_kg = 15, u_share = 0 }",
+        )
     if not key:
         return text
     begins = text.index("sensor = {", text.index(f'name = "{channel}"')) + len("sensor = {")
