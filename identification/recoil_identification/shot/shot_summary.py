@@ -247,9 +247,9 @@ def shot_summary(
     Parameters
     ----------
     against
-        What speaks against it.
+        Reasons that speak against it.
     suspects
-        What the rig does not state, on the regression's grid.
+        Shapes that the rig does not state, on the regression's grid.
     """
     regression = calibration.block.regression
     causes, late = columns_of(regression, suspects)

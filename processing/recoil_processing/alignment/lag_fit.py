@@ -113,7 +113,7 @@ class LagRows(ReadOnlyArrays):
         beside : ndarray, shape (n_grid, n_own), optional
         parts : sequence of ndarray, shape (n_reference,), optional
         u : ndarray, shape (n_own + n_parts,), optional
-            As `beside`, `parts` and `u` of the rows, low-passed alike.
+            Arrays as `beside`, `parts` and `u` are, of the rows, low-passed alike.
         """
         from scipy.interpolate import CubicSpline
 
