@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_processing.gaps import bridge, longest_run, near, runs_of
+from recoil_processing.gaps import bridge, bridged_smoothly, longest_run, near, runs_of
 
 FLAGS = st.lists(st.booleans(), max_size=40).map(lambda flags: np.array(flags, dtype=bool))
 
@@ -76,3 +76,18 @@ def test_runs_are_the_flags_and_the_longest_one_is_the_longest_row_of_them(flags
     start, stop = longest_run(flags)
     assert stop - start == max((len(run) for run in text.split(" ")), default=0)
     assert flags[start:stop].all()
+
+
+def test_a_short_gap_of_a_smooth_motion_is_bridged_by_a_cubic_and_a_long_one_stays():
+    at = np.arange(40.0)
+    lost = at**3 / 100.0
+    lost[[10, 11, *range(20, 28)]] = np.nan
+    found = bridged_smoothly(lost, 3)
+    assert found[10:12] == pytest.approx(at[10:12] ** 3 / 100.0, rel=1e-9)
+    assert np.isnan(found[20:28]).all()
+
+
+def test_what_a_smooth_bridge_knows_one_side_of_stays_lost():
+    samples = np.array([np.nan, 1.0, 2.0, 3.0, 4.0, np.nan])
+    assert np.isnan(bridged_smoothly(samples, 5)).tolist() == np.isnan(samples).tolist()
+    assert bridged_smoothly(np.array([1.0, np.nan, 3.0]), 5).tolist()[::2] == [1.0, 3.0]

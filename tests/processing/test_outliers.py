@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_processing.outliers import isolated_outliers, stuck_repeats
+from recoil_processing.outliers import agreeing, isolated_outliers, stuck_repeats
 
 SIGMA = 5e-5
 
@@ -65,3 +65,14 @@ def test_repeats_count_where_the_model_has_moved_on():
 
 def test_nothing_repeats_in_nothing():
     assert stuck_repeats(np.empty(0), np.empty(0), 1.0).size == 0
+
+
+def test_frames_that_contradict_their_neighbours_are_lost_and_those_that_were_lost_stay_so():
+    times_s = np.arange(200) / 1000.0
+    positions = np.sin(6.0 * times_s) + 1e-4 * np.random.default_rng(2).standard_normal(200)
+    positions[50] += 0.1
+    positions[120] = positions[119]
+    positions[[0, 90]] = np.nan
+    found = agreeing(times_s, positions)
+    assert np.flatnonzero(np.isnan(found)).tolist() == [0, 50, 90, 120]
+    assert agreeing(times_s, np.full(200, np.nan)).size == 200

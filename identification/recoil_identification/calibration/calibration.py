@@ -21,7 +21,7 @@ import numpy as np
 
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.numerics.read_only import ReadOnlyArrays
-from recoil_identification.calibration.stretches import largest_misfit
+from recoil_identification.calibration.misfit import largest_misfit, misfit_of_weights
 from recoil_identification.estimate.budget import BudgetRow, with_shapes_together
 from recoil_identification.estimate.mass import FRICTION, RANDOM, MassEstimate
 from recoil_identification.estimate.monte_carlo import Draw
@@ -37,7 +37,7 @@ from recoil_identification.rows.camera_rows import LATE, OTHER, OTHER_ZERO, RATE
 from recoil_identification.rows.causes import DISTORTIONS, Cause
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.late_readings import GAS
-from recoil_identification.rows.row_noise import RowNoise
+from recoil_identification.rows.row_noise import LEAST_NOISE_M_S2, RowNoise
 from recoil_identification.rows.sensor_priors import RELEASE, ZERO
 from recoil_identification.rows.travel_rows import ForcedTravel, TravelRows
 from recoil_processing.noise import welch_satterthwaite
@@ -86,7 +86,7 @@ class Calibration(ReadOnlyArrays):
         Rows of its frames, if there are any: beside those of the motion, or in their place where the forces alone tell
         it.
     misfit
-        Standard deviation of the mass's logarithm from stretch to stretch of a line's record, beside its rows' noise.
+        Standard deviation of the mass's logarithm that a line's record says of beside its rows' noise.
     """
 
     estimate: MassEstimate
@@ -112,7 +112,7 @@ class Calibration(ReadOnlyArrays):
 
     @property
     def by_rows(self) -> MassEstimate:
-        """The estimate by the noise of its rows alone, without what the stretches of a line's record add."""
+        """The estimate by the noise of its rows alone, without what a line's record says beside it."""
         random, *others = self.estimate.budget
         u_kg = math.sqrt(max(random.u_kg**2 - (self.misfit * self.estimate.mass_kg) ** 2, 0.0))
         row = replace(random, u_kg=u_kg, degrees_of_freedom=self.noise.degrees_of_freedom)
@@ -438,8 +438,9 @@ def calibration_of(
     inferred = solve(all_unknowns(block, joined, priors, unknowns), [joined, *further], priors)
     mass = block.m0_kg * math.exp(inferred.value(motion.MASS.name))
     random_kg = mass * inferred.u_random(motion.MASS.name)
-    misfit, misfit_freedom = _misfit(block, joined, inferred)
-    parts = ((random_kg, noise.degrees_of_freedom), (mass * misfit, misfit_freedom))
+    beside = [] if block.regression.recoils_once else _misfits(block, joined, further, priors, unknowns, inferred)
+    misfit = math.hypot(*(u for u, _ in beside))
+    parts = [(random_kg, noise.degrees_of_freedom), *((mass * u, freedom) for u, freedom in beside)]
     freedom_of_random = welch_satterthwaite(parts) if misfit else noise.degrees_of_freedom
     budget = [BudgetRow(RANDOM, math.hypot(random_kg, mass * misfit), "A", degrees_of_freedom=freedom_of_random)]
     stated = {source: ("B", "1") for prior in common for source in prior.sources}
@@ -479,17 +480,36 @@ def calibration_of(
     )
 
 
-def _misfit(block: EquationOfMotion, joined: JointBlock, inferred: Estimate) -> tuple[float, float]:
-    """Return what the stretches of a line's record add to the logarithm of its mass, and its degrees of freedom."""
-    regression = block.regression
-    if regression.recoils_once:
-        return 0.0, math.inf
-    left, derivatives = joined.linearised({one.name: inferred.value(one.name) for one in inferred.unknowns})
+def _misfits(
+    block: EquationOfMotion,
+    joined: JointBlock,
+    further: Sequence[LinearBlock],
+    priors: Sequence[Prior],
+    unknowns: Sequence[Unknown],
+    inferred: Estimate,
+) -> list[tuple[float, float]]:
+    """Return what stretches and even weights add to the logarithm of a line's mass, each with degrees of freedom."""
+    regression, n = block.regression, block.rows.size
+    left, influence = _influence(joined, inferred)
+    found = [largest_misfit(regression.times_s[block.rows], influence[:n], left[:n], regression.stroke_s)]
+    if joined.correlation is None or len(joined.parts) > 1:
+        return found
+    left_m_s2 = block.sigma_m_s2 * (joined.correlation.factor @ left)
+    sigma_m_s2 = max(float(np.sqrt(np.mean(left_m_s2**2))), LEAST_NOISE_M_S2)
+    evenly = JointBlock((replace(block, sigma_m_s2=np.full(n, sigma_m_s2)),))
+    other = solve(all_unknowns(block, evenly, priors, unknowns), [evenly, *further], priors)
+    by_noise = joined.correlation.factor.T @ (_influence(evenly, other)[1] * block.sigma_m_s2 / sigma_m_s2)
+    variance = float(by_noise @ by_noise) - inferred.u_random(motion.MASS.name) ** 2
+    apart = other.value(motion.MASS.name) - inferred.value(motion.MASS.name)
+    return [*found, misfit_of_weights(apart, variance)]
+
+
+def _influence(rows: JointBlock, inferred: Estimate) -> tuple[Array, Array]:
+    """Return what a fit leaves of rows of independent errors, and how each moves the logarithm of the mass."""
     names = [one.name for one in inferred.unknowns]
-    places = [names.index(name) for name in joined.unknowns]
-    influence = derivatives @ inferred.covariance[names.index(motion.MASS.name), places]
-    n = block.rows.size
-    return largest_misfit(regression.times_s[block.rows], influence[:n], left[:n], regression.stroke_s)
+    left, derivatives = rows.linearised({name: inferred.value(name) for name in names})
+    of_mass = inferred.covariance[names.index(motion.MASS.name), [names.index(name) for name in rows.unknowns]]
+    return left, np.asarray(derivatives @ of_mass)
 
 
 def _joined(

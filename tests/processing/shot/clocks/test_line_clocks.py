@@ -53,6 +53,14 @@ def test_two_clocks_tell_the_mass(page: str) -> None:
 
 
 @pytest.mark.whole_way
+def test_the_zero_of_a_speed_turns_no_friction_where_the_body_rests() -> None:
+    # its servo holds it between two strokes with a force that no friction explains
+    outcome = sled_outcome(37, {}, of_the_page("cell and servo"))
+    assert outcome.covers
+    assert outcome.found.valid, outcome.found.reasons
+
+
+@pytest.mark.whole_way
 def test_a_friction_that_nothing_is_known_of_leaves_the_offset_open(tmp_path: Path) -> None:
     rig = of_the_page("cell and servo")
     sure, _ = fired(rig, tmp_path / "sure")

@@ -1,4 +1,4 @@
-"""Stretches of a record, and what they say of a mass one by one, beside the noise that its rows were given.
+"""Misfit of a record: what its stretches, and rows weighed evenly, say of its mass beside the noise of its rows.
 
 A body on a line that goes to and fro rubs by the place, the direction and the temperature, in ways that no stationary
 noise is: the masses of its strokes differ by more than their rows allow. With h the influence of each whitened row on
@@ -6,9 +6,11 @@ the logarithm of the mass and r what the fit leaves of it, the sums ``g_b`` of `
 stretch moves the mass by, and each hides the share of itself that bends the fit (the jackknife of R. G. Miller,
 Biometrika 61(1), 1974; clusters as in R. M. Bell, D. F. McCaffrey, Survey Methodology 28(2), 2002).
 
-The root of the sum of their squares stands beside the random part of the rows, for it is of another cause. Few
-stretches say little: of theirs the share ``nu / (nu + 2)`` counts, with ``nu + 2`` degrees of freedom, which is a
-scaled inverse chi-square prior of two degrees of freedom at nothing.
+Where rows are weighed evenly, and not by the noise that was found, the mass is another one, by no more than that noise
+allows if the model holds (J. A. Hausman, Econometrica 46(6), 1978): what is beyond is misfit, too.
+
+Both stand beside the random part of the rows, for they are of another cause. Little is known of them: of nu degrees
+of freedom the share ``nu / (nu + 2)`` counts, with ``nu + 2``: an inverse chi-square prior of two, at nothing.
 """
 
 from __future__ import annotations
@@ -59,3 +61,17 @@ def misfit_of_stretches(times_s: Array, influence: Array, left: Array, stretch_s
     freedom = 1.0 / float(share @ share) - 1.0
     counts = freedom / (freedom + PRIOR_FREEDOM)
     return math.sqrt(counts * float(moved @ moved)), freedom + PRIOR_FREEDOM
+
+
+def misfit_of_weights(apart: float, variance: float) -> tuple[float, float]:
+    """Return what two weighings say of a mass beside its noise, in its logarithm, and its degrees of freedom.
+
+    Parameters
+    ----------
+    apart
+        Difference of the logarithms of the masses by both.
+    variance
+        Variance of it if the model holds.
+    """
+    counts = 1.0 / (1.0 + PRIOR_FREEDOM)
+    return math.sqrt(counts * max(apart**2 - max(variance, 0.0), 0.0)), 1.0 + PRIOR_FREEDOM

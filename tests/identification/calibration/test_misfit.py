@@ -1,4 +1,4 @@
-"""Stretches of a record that differ by more than their rows allow are said to, and white noise is none of it."""
+"""Stretches that differ by more than their rows allow are said to, and weights that do; white noise is none of it."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from recoil_identification.calibration.stretches import (
+from recoil_identification.calibration.misfit import (
     MOST_OF_ITSELF,
     PRIOR_FREEDOM,
     SHARES_OF_STROKE,
     largest_misfit,
     misfit_of_stretches,
+    misfit_of_weights,
 )
 
 ROWS, STRETCHES = 400, 20
@@ -55,3 +56,11 @@ def test_the_length_that_says_most_counts() -> None:
 def test_a_length_is_positive() -> None:
     with pytest.raises(ValueError, match="stretch_s must be positive, not 0"):
         misfit_of_stretches(TIMES_S, INFLUENCE, INFLUENCE, 0.0)
+
+
+def test_weights_that_differ_by_chance_say_nothing() -> None:
+    assert misfit_of_weights(1e-3, 1e-6)[0] == 0.0
+    u, freedom = misfit_of_weights(0.013, 25e-6)
+    assert u == pytest.approx(0.012 / math.sqrt(1.0 + PRIOR_FREEDOM))
+    assert freedom == 1.0 + PRIOR_FREEDOM
+    assert misfit_of_weights(0.01, -1.0)[0] == pytest.approx(0.01 / math.sqrt(3.0))
