@@ -43,7 +43,7 @@ class Beside(ReadOnlyArrays):
     Attributes
     ----------
     columns : ndarray, shape (n_source, n_own)
-        What a size of one adds to what repeats the reference, at the source's samples.
+        Amount that a size of one adds to what repeats the reference, at the source's samples.
     sizes : ndarray, shape (n_own,)
         Sizes as they are known.
     parts : ndarray, shape (n_reference, n_parts)
@@ -132,11 +132,11 @@ def align_redundant(
     cutoff_hz
         -3 dB point of the common low-pass; 0.15 of the slower rate, 300 Hz at most, if left out.
     derivative
-        Which derivative of the source repeats the reference: 0 for the source itself.
+        Order of the source's derivative that repeats the reference: 0 for the source itself.
     source_filter
         The source's anti-alias filter; a gentle one near half its sampling rate if left out.
     beside
-        What else acts than the reference; nothing if left out.
+        Effects beside the reference; none if left out.
 
     Returns
     -------
