@@ -137,7 +137,7 @@ def fit_to_forces(
     driven : ndarray, shape (n_reference,)
         All that drives less all that resists, over any mass.
     drift_allowance, source_filter, beside
-        As of `align_redundant`.
+        Arguments of `align_redundant`.
 
     Returns
     -------
