@@ -162,7 +162,9 @@ def windows(quick: bool, folder: Path) -> list[Row]:
     rig = parse_rig(text, Path("emps.toml"))
     for number in range(count):
         part = record.part(number * length, (number + 1) * length)
-        columns = (part.acceleration_m_s2, part.speed_m_s, np.sign(part.speed_m_s), np.ones(length))
+        way = np.sign(part.speed_m_s)
+        # where it goes one way only, a constant is the friction
+        columns = [part.acceleration_m_s2, part.speed_m_s, np.ones(length), *([way] if np.ptp(way) > 0 else [])]
         # one row for each two of the cut-off, so that the errors of neighbours are about independent
         every = slice(None, None, round(250.0 / WINDOW_HZ))
         design = np.column_stack([filtfilt(*low, column) for column in columns])[every]
