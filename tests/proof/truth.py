@@ -179,21 +179,14 @@ def windows(quick: bool, folder: Path) -> list[Row]:
             outside = max(first - EMPS_KG, EMPS_KG - last, 0.0)
             widths[name].append(last - first + 2.0 / 0.05 * outside)
     ours, theirs = (float(np.mean(widths[name])) for name in ("ours", "theirs"))
-    what = f"EMPS, {count} windows of {WINDOW_S:g} s, force to 0.1 %"
-    peer = "grey box by statsmodels, its covariance taken as exact"
     return [
         Row(
-            f"{what}: 95 % interval holds the published mass",
-            f"{holds['ours']} of {count}, {valid} valid",
-            f"{peer}: {holds['theirs']} of {count}",
-            "",
-            "windows",
-        ),
-        Row(
-            f"{what}: mean interval score (width, and 40 times what lies outside)",
-            f"{significant(ours)} kg",
-            f"{peer}: {significant(theirs)} kg",
+            f"EMPS, {count} windows of {WINDOW_S:g} s, force to 0.1 %: 95 % interval holds the mass; "
+            "mean interval score",
+            f"{holds['ours']} of {count}, {valid} valid; {significant(ours)} kg",
+            f"grey box by statsmodels, its covariance taken as exact: {holds['theirs']} of {count}; "
+            f"{significant(theirs)} kg",
             times(theirs / ours),
             "windows",
-        ),
+        )
     ]

@@ -166,7 +166,10 @@ class Agreement:
 
 
 def _percent(probability: float) -> str:
-    return f"{100 * probability:.2g} %" if probability >= LEAST_PROBABILITY else f"{probability:.1g}"
+    if probability < LEAST_PROBABILITY:
+        return f"{probability:.1g}"
+    # two digits of what is nearly sure are three
+    return f"{min(100 * probability, 99.0):.2g} %" if probability < 1.0 else "100 %"
 
 
 def agreement_of(fit: JointFit) -> Agreement:

@@ -34,6 +34,7 @@ def suspicion_of(campaign: Campaign) -> SharedSuspicion:
     return campaign.suspicion
 
 
+@pytest.mark.whole_way
 def test_sound_shots_accuse_nobody_and_lose_little_by_being_asked() -> None:
     asked, plain = told(1, {}), combine(campaign_of(RING, seed=1, unread=1.0, friction_rel=0.03).shots)
     assert not suspicion_of(asked).suspected
@@ -43,6 +44,7 @@ def test_sound_shots_accuse_nobody_and_lose_little_by_being_asked() -> None:
     assert plain.suspicion is None
 
 
+@pytest.mark.whole_way
 @pytest.mark.parametrize(
     ("name", "size", "kind", "said"),
     [
@@ -67,6 +69,7 @@ def test_a_shape_of_the_rig_is_named_with_its_size_in_the_place_of_a_mass_that_c
     assert abs(found.mass.mass_kg - MASS_KG) < 3.0 * found.mass.u_kg
 
 
+@pytest.mark.whole_way
 def test_a_mass_that_changes_in_every_shot_is_still_said() -> None:
     found = told(3, {}, changing={"drift of ln mass": -0.03})
     assert found.constancy is not None
@@ -74,6 +77,7 @@ def test_a_mass_that_changes_in_every_shot_is_still_said() -> None:
     assert ReasonCode.CONSTANCY in {one.code for one in found.reasons}
 
 
+@pytest.mark.whole_way
 def test_the_mass_is_the_mean_over_all_of_them_and_its_budget_adds_up_to_its_uncertainty() -> None:
     found = told(4, {})
     suspicion, plain_kg = suspicion_of(found), found.plain.mass_kg(found.mechanisms[0].name)
