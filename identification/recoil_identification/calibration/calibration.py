@@ -269,7 +269,8 @@ class Calibration(ReadOnlyArrays):
         """Score unknowns that `inferred` has not, by what it leaves of all rows."""
         values = self.values | dict.fromkeys(sources, 0.0)
         names = [*(one.name for one in self.inferred.unknowns), *sources]
-        left, derivatives = zip(*(_of(block, values, names) for block in (self.rows, *self.further)), strict=True)
+        blocks: list[Block] = [self.rows, *self.further]
+        left, derivatives = zip(*(_of(block, values, names) for block in blocks), strict=True)
         whole, known = np.vstack(derivatives), len(self.inferred.unknowns)
         return Scores.of(np.concatenate(left), whole[:, :known], self.inferred.covariance, whole[:, known:])
 

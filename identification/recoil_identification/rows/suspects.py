@@ -134,11 +134,9 @@ class Suspect(ReadOnlyArrays):
         return Cause(source, self.unit, self.u, "B", columns, unmoved, scope="sensor")
 
 
-def columns_of(
-    regression: Regression, suspects: Sequence[Suspect]
-) -> tuple[tuple[Cause, ...], Mapping[ErrorSource, Array]]:
+def columns_of(regression: Regression, suspects: Sequence[Suspect]) -> tuple[tuple[Cause, ...], Mapping[str, Array]]:
     """Return all shapes as errors of a shot's rows, each by a name of its own, and what each adds to late readings."""
-    causes, late = [], {}
+    causes, late = list[Cause](), dict[str, Array]()
     for suspect in suspects:
         for at, name in enumerate(suspect.names):
             source = ErrorSource(SourceKind.CHOICE, detail=name)

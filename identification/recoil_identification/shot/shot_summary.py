@@ -101,7 +101,10 @@ class Suspected:
         """Read it from a report that has it."""
         if stated is None:
             return None
-        source = ErrorSource(SourceKind(str(stated["kind"])), str(stated["of"]))
+        kind = next((one for one in SourceKind if one.value == stated["kind"]), None)
+        if kind is None:
+            raise ValueError(f"a suspected {stated['kind']!r}, of no kind that is known")
+        source = ErrorSource(kind, str(stated["of"]))
         found = cls(source, str(stated["gauge"]), str(stated["variant"]), float(stated["u"]), bool(stated["positive"]))
         if not (math.isfinite(found.u) and found.u > 0):
             raise ValueError(f"a suspected {source} of a size of {found.u}")

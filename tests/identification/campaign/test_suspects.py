@@ -111,4 +111,6 @@ def test_what_is_suspected_goes_through_a_report_and_back() -> None:
     assert Suspected.of_json(None) is None
     with pytest.raises(ValueError, match="of a size of -1"):
         Suspected.of_json({**SUSPECTS[0].to_json(), "u": -1.0})
+    with pytest.raises(ValueError, match="a suspected 'ghost', of no kind that is known"):
+        Suspected.of_json({**SUSPECTS[0].to_json(), "kind": "ghost"})
     assert Parameter("a").suspected is None
