@@ -57,9 +57,6 @@ DRAWS = 20_000
 """Draws of the largest step by chance: probabilities of 1 % are then known to a tenth."""
 SEED = 0
 """Seed of the draws."""
-MAY_CHANGE = -0.7
-"""Logarithm of the Bayes factor from which on the noise is found anew beside the likeliest change: that of a constant
-mass holds the change, too, and would hide it."""
 BY_SCAN = 1.77
 """Factor for looking for a step everywhere: the root of the difference of the squares of what the largest exceeds as
 often as one that was known before."""
@@ -260,7 +257,7 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
     tried = _tried(calibration)
     if tried is None:
         return None
-    if tried.ln_odds > MAY_CHANGE:
+    if tried.ln_odds > calibration.block.regression.doubted_from:
         anew = _tried(_with_noise_beside(calibration, tried.likeliest))
         tried = anew if anew is not None and anew.ln_odds > tried.ln_odds else tried
     return _told(tried, calibration)

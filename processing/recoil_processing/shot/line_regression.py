@@ -56,6 +56,7 @@ class LineRegression(Regression):
     blow: Blow | None = None
 
     recoils_once = False
+    doubted_from = 3.0  # its strokes differ by themselves, and what is left of each looks like a change
     least_identified = 0.0  # it coasts between its drives, and nothing tells a mass then
     stroke_rows = 30  # a force that stays the same has its energy at nothing
     unread_column = -1  # beside all gauges
@@ -172,9 +173,9 @@ def line_motion(signals: Signals, rig: Rig) -> LineMotion:
             np.sum([bridge(one, otherwise=0.0) for one in forces], axis=0), signals.step_s
         )
         series["recoil_displacement"] = bridged_smoothly(series["recoil_displacement"], int(longest_s / signals.step_s))
-    if "recoil_velocity" in series and signals.in_baseline.any():
-        speed = series["recoil_velocity"]
-        level = float(np.nanmedian(speed[signals.in_baseline]))
+    speed = series.get("recoil_velocity")
+    if speed is not None and (rests := signals.in_baseline & np.isfinite(speed)).any():
+        level = float(np.median(speed[rests]))
         # what coasts is no zero
         if abs(level) < MOST_ZERO * float(np.nanmax(np.abs(speed))):
             series["recoil_velocity"] = speed - level

@@ -116,8 +116,11 @@ def test_a_tube_that_swings_is_named_with_its_frequency_and_a_bracket_by_the_sig
 @pytest.mark.whole_way
 def test_the_mass_moves_by_what_an_estimate_with_the_shape_finds() -> None:
     found = with_reading(gauge_ahead=0.03)
-    chain, calibration = found.chain, found.route.calibration
+    chain, constancy = found.chain, found.constancy
     assert chain is not None
+    assert constancy is not None
+    # asked with the noise by which the mass would be said to change
+    calibration = constancy.beside
     moved = chain.explained.inferred.value("ln mass") - calibration.inferred.value("ln mass")
     assert chain.moves_rel == pytest.approx(moved, rel=0.05)
     assert chain.explained.inferred.value(chain.source) == pytest.approx(chain.size, rel=0.05)
