@@ -137,21 +137,13 @@ def shared_constancy(fit: JointFit) -> SharedConstancy | None:
     rows, names, sd = fit.rows, CHANGES, SD
     if any(name not in rows.parameters for name in names):
         return None
-    places = [rows.parameters.index(name) for name in names]
     # every trial: one that is unlikely with a constant mass may be the likely one with a mass that changes
     weights = fit.weights
     factors, sizes, variances = (np.zeros((weights.size, len(names))) for _ in range(3))
     likeliest = int(np.argmax(weights))
     hidden: dict[str, float] = {}
     for at, trial in enumerate(fit.trials):
-        white = rows.whitened(trial.scatter)
-        left, derivatives = white.by_shot(trial.values)
-        scores = Scores.of(
-            left.reshape(-1),
-            derivatives.reshape(-1, derivatives.shape[2]),
-            trial.estimate.covariance,
-            white.triangle[:, :, places].reshape(-1, len(places)),
-        )
+        scores = fit.scores(trial, names)
         if not scores.identifiable[0] or not scores.identifiable[1:].any():
             return None
         factors[at] = scores.ln_bayes_factors(sd)

@@ -29,6 +29,7 @@ from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.campaign.joint_rows import FORGOTTEN, Column, JointRows, Scatter, WhiteRows
 from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.inference.estimate import Estimate
+from recoil_identification.inference.score import Scores
 from recoil_identification.inference.solve import solve
 from recoil_identification.rows.unread_resistance import FORCE as UNREAD_FORCE
 from recoil_identification.shot.shot_summary import FRICTION_SHARE
@@ -171,6 +172,14 @@ class JointFit(ReadOnlyArrays):
         for name, size in ((mechanism, mass_kg), (other, -other_kg)):
             row[self.names.index(self.rows.masses[self.rows.mechanisms.index(name)])] += size
         return mass_kg - other_kg, math.sqrt(max(float(row @ self.covariance @ row), 0.0))
+
+    def scores(self, trial: Trial, parameters: Sequence[str]) -> Scores:
+        """Score parameters that are off alike in all shots, each by a size of one, under one of the trials."""
+        white = self.rows.whitened(trial.scatter)
+        left, derivatives = white.by_shot(trial.values)
+        columns = white.triangle[:, :, [self.rows.parameters.index(name) for name in parameters]]
+        slopes, shapes = (one.reshape(-1, one.shape[2]) for one in (derivatives, columns))
+        return Scores.of(left.reshape(-1), slopes, trial.estimate.covariance, shapes)
 
     @property
     def forces(self) -> dict[float, float]:

@@ -21,7 +21,6 @@ from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.joint_rows import Column
 from recoil_identification.inference.averaging import Hypotheses
 from recoil_identification.inference.change_odds import LEAST_FACTOR
-from recoil_identification.inference.score import Scores
 from recoil_identification.shot.shot_summary import Suspected
 from recoil_processing.shot.error_source import ErrorSource
 
@@ -135,21 +134,13 @@ def shared_suspicion(fit: JointFit) -> SharedSuspicion | None:
     shapes = tuple(rows.suspected.values())
     if not shapes:
         return None
-    places = [rows.parameters.index(name) for name in rows.suspected]
     kinds = {source: number for number, source in enumerate(dict.fromkeys(one.kind for one in shapes))}
     of = np.array([kinds[one.kind] for one in shapes], dtype=np.intp)
     sd, one_sided = np.array([one.u for one in shapes]), np.array([one.positive for one in shapes])
     masses = [fit.names.index(name) for name in rows.masses]
     found, by = [], []
     for trial in fit.trials:
-        white = rows.whitened(trial.scatter)
-        left, derivatives = white.by_shot(trial.values)
-        scores = Scores.of(
-            left.reshape(-1),
-            derivatives.reshape(-1, derivatives.shape[2]),
-            trial.estimate.covariance,
-            white.triangle[:, :, places].reshape(-1, len(places)),
-        )
+        scores = fit.scores(trial, tuple(rows.suspected))
         found.append(Hypotheses.of(scores, of, sd, one_sided))
         by.append(-scores.moves[masses])
     suspicion = SharedSuspicion(shapes, tuple(found), np.array(by), fit.weights, fit.ln_weights)
