@@ -58,7 +58,7 @@ VALUES: dict[type[StrEnum], str] = {
     SourceKind: (
         "random, sensitivity, dynamic scale, force scale, camera scale, scale, scale and area, area, declared, "
         "standard, friction, slide friction, unread share, unread force, unread shape, force line, zero, moving zero, "
-        "repair, lost samples, bridged, bridged shape, not recorded, release, gas, skew, delay, alignment, clock "
+        "repair, lost samples, bridged, bridged shape, not recorded, release, gas, skew, delay, line, alignment, clock "
         "rate, camera late, camera gain, place, picture, carriage part, carriage zero, gauge difference, mass change, "
         "known impulse, known load, parameter, choice, random of shots, sensor scale, sensor dynamic scale, bore "
         "friction, linearity, hysteresis, gauge ahead, muzzle brake, tube, hanging part, breakaway, time constant, "

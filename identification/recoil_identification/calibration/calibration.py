@@ -28,7 +28,7 @@ from recoil_identification.estimate.monte_carlo import Draw
 from recoil_identification.estimate.rounding import in_kg
 from recoil_identification.inference.block import Block, JointBlock, LinearBlock
 from recoil_identification.inference.correlation import Correlation
-from recoil_identification.inference.estimate import Estimate
+from recoil_identification.inference.estimate import Estimate, residual_against_none
 from recoil_identification.inference.score import Scores
 from recoil_identification.inference.solve import MOST_STEPS, solve
 from recoil_identification.inference.unknown import Prior, Unknown
@@ -192,10 +192,11 @@ class Calibration(ReadOnlyArrays):
         """Normalised residuals of what can be off.
 
         How the stop lets go is of the firing, and of no sensor; a force of unknown shape is no certificate that is
-        wrong.
+        wrong. What can only be late is judged against no delay at all where it is found early.
         """
+        pulls = self.pulls
         return {
-            source: w
+            source: residual_against_none(w, pulls[source]) if source.is_late_alone and w < 0 else w
             for source, w in self.normalised_residuals.items()
             if source != RELEASE and source.kind is not SourceKind.UNREAD_SHAPE
         }

@@ -22,6 +22,7 @@ from recoil_identification.campaign.next_steps import NextStep, next_steps
 from recoil_identification.campaign.suspects import SharedSuspicion
 from recoil_identification.estimate.budget import COVERAGE_FACTOR, BudgetRow, effective_degrees_of_freedom
 from recoil_identification.estimate.rounding import in_kg
+from recoil_identification.inference.estimate import residual_against_none
 from recoil_rigs.tables.specification import Specification
 
 
@@ -62,6 +63,13 @@ class Learnt:
     u: float
     normalised_residual: float
     moves_kg: float = 0.0
+
+    @property
+    def judged_residual(self) -> float:
+        """Normalised residual, or against no delay at all for what can only be late and is found early."""
+        w = self.normalised_residual
+        early = w < 0 and self.influence.source.is_late_alone
+        return residual_against_none(w, self.value / self.influence.u) if early else w
 
     @property
     def alone(self) -> float:

@@ -335,7 +335,7 @@ def without_consequence(common: Sequence[Learnt], mass: Estimated) -> list[Learn
     beyond = [
         one
         for one in common
-        if abs(one.normalised_residual) > CRITICAL_VALUE
+        if abs(one.judged_residual) > CRITICAL_VALUE
         and not (_drives(one.influence) or one.influence.source.kind in CERTIFICATES)
     ]
     moved_kg = math.fsum(abs(one.moves_kg) for one in beyond)
@@ -345,7 +345,7 @@ def without_consequence(common: Sequence[Learnt], mass: Estimated) -> list[Learn
 def _note_on_idle(one: Learnt, mass: Estimated) -> Note:
     text = (
         f"{one.influence.source} contradicts the other sensors: it is off by {_off(one, ())} if they are right "
-        f"(normalised residual {abs(one.normalised_residual):.1f}, limit {CRITICAL_VALUE:g}). The mass does not hang "
+        f"(normalised residual {abs(one.judged_residual):.1f}, limit {CRITICAL_VALUE:g}). The mass does not hang "
         f"on it: without what is known of it it is {mass.mass_kg + one.moves_kg:.1f} kg"
     )
     return Note(NoteCode.NEAR_LIMIT, one.influence.source, text)
@@ -366,15 +366,15 @@ def contradictions(common: Sequence[Learnt], added: Sequence[Learnt] = ()) -> li
         Masses that were added, whose uncertainty is not zero.
     """
     driving = [*(one for one in common if _drives(one.influence)), *added]
-    beyond = [one for one in (*common, *added) if abs(one.normalised_residual) > CRITICAL_VALUE]
-    beyond.sort(key=lambda one: -abs(one.normalised_residual))
+    beyond = [one for one in (*common, *added) if abs(one.judged_residual) > CRITICAL_VALUE]
+    beyond.sort(key=lambda one: -abs(one.judged_residual))
     named = [one for one in beyond if one in driving]
-    residual = abs(named[0].normalised_residual) if named else 0.0
+    residual = abs(named[0].judged_residual) if named else 0.0
     if any(one in added for one in named):
         first = max(driving, key=lambda one: _suspicion(one).log_odds)
         if first not in added:
             others = [one for one in driving if one not in added]
-            first = max(others, key=lambda one: (round(abs(one.normalised_residual), 1), one.influence.is_sensor))
+            first = max(others, key=lambda one: (round(abs(one.judged_residual), 1), one.influence.is_sensor))
         named = [first, *(one for one in named if one is not first)]
     if named:
         beyond = [named[0], *(one for one in beyond if one not in named)]
@@ -382,9 +382,11 @@ def contradictions(common: Sequence[Learnt], added: Sequence[Learnt] = ()) -> li
     for one in beyond:
         others = [other for other in driving if other is not one] if one in driving else []
         contradicted = "the sensors" if one in added else "the other sensors"
-        told = f"{one.influence.source} contradicts {contradicted}: it is off by {_off(one, added)} if they are right "
-        w = residual if one in driving else abs(one.normalised_residual)
-        told += f"(normalised residual {w:.1f}, limit {CRITICAL_VALUE:g})"
+        never = one.influence.source.is_late_alone and one.value < 0
+        early = ", early, which no line and no orifice makes it" if never else ""
+        told = f"{one.influence.source} contradicts {contradicted}: it is off by {_off(one, added)} if they are right"
+        w = residual if one in driving else abs(one.judged_residual)
+        told += f"{early} (normalised residual {w:.1f}, limit {CRITICAL_VALUE:g})"
         told += "".join(
             f", or {other.influence.source} is, by {_off(other, added, 'its own')}"
             for other in others

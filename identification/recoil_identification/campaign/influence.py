@@ -12,7 +12,7 @@ from recoil_identification.estimate.mass import FRICTION
 from recoil_identification.inference.unknown import Scope
 from recoil_identification.rows.breech_chain import chain_source
 from recoil_identification.rows.camera_rows import OTHER
-from recoil_identification.rows.causes import DISTORTIONS, delay_of_gauge
+from recoil_identification.rows.causes import DISTORTIONS
 from recoil_identification.rows.known_forces import declared_source
 from recoil_identification.rows.sensor_priors import RELEASE
 from recoil_identification.rows.unread_resistance import SHARE, SLIDE
@@ -111,7 +111,7 @@ def source_of(identity: str) -> ErrorSource:
     name = rest.rpartition(":")[2]
     if name.startswith(OF_SHAPE):
         return ErrorSource(SourceKind.UNREAD_SHAPE, detail=name.removeprefix(OF_SHAPE))
-    late = delay_of_gauge(name.rpartition(" ")[0])
-    if name == late:
-        return late
+    for late in (ErrorSource(kind, name.partition(" ")[0]) for kind in (SourceKind.DELAY, SourceKind.LINE)):
+        if name == late:
+            return late
     return OF_ONE_RIG.get(name) or chain_source(name) or ErrorSource(SourceKind.DECLARED, name)

@@ -18,6 +18,16 @@ LEAST_REDUNDANCY = 1e-4
 residual: what could be seen there would be off by more than three hundred standard uncertainties."""
 
 
+def residual_against_none(normalised_residual: float, pull: float) -> float:
+    """Return the distance from zero of what all else says of a source, over its own standard deviation.
+
+    The normalised residual is that over the standard deviation of the difference to the prior. With v the share of the
+    prior's variance that is left, it is ``sqrt(v)`` times this one, and ``1 - v`` the square of pull over it.
+    """
+    redundancy = (pull / normalised_residual) ** 2 if normalised_residual else 0.0
+    return normalised_residual / math.sqrt(max(1.0 - redundancy, LEAST_REDUNDANCY))
+
+
 @dataclass(frozen=True, eq=False)
 class Estimate(ReadOnlyArrays):
     """Values of the unknowns, and where their uncertainties come from.

@@ -118,9 +118,10 @@ class Cause(ReadOnlyArrays):
         return Prior.of(self.source, self.source, self.u, degrees_of_freedom=self.degrees_of_freedom)
 
 
-def delay_of_gauge(force: str) -> ErrorSource:
-    """Return the source that is the delay of a measured force, by its name."""
-    return ErrorSource(SourceKind.DELAY, force)
+def delay_of_gauge(force: ForceInput) -> ErrorSource:
+    """Return the source that is the delay of a measured force: of its chain, or of a line that nothing is said of."""
+    of_line = all(spec.u_line_s for spec in force.channels)
+    return ErrorSource(SourceKind.LINE if of_line and force.channels else SourceKind.DELAY, force.name)
 
 
 def moving_zero(role: str, tau_s: float) -> ErrorSource:
@@ -217,7 +218,7 @@ def causes_of(
     for column, force in [*enumerate(gauges.values())][1:]:
         if force.name not in signals.series:
             continue
-        source, u_s = delay_of_gauge(force.name), u_delay_s(fired.rig, force.name)
+        source, u_s = delay_of_gauge(force), u_delay_s(fired.rig, force.name)
         if u_s > 0 and not alone(column):
             late = np.where(np.arange(len(gauges)) == column, slopes_n_s, 0.0)
             found.append(Cause(source, "s", u_s, "B", late, unmoved, scope="rig"))

@@ -194,7 +194,7 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
     """
     pulls, residuals, known = calibration.pulls, calibration.normalised_residuals, calibration.known_beforehand
     beyond = {
-        source: (abs(w), w * w / abs(pulls[source]))
+        source: (abs(w), residuals[source] ** 2 / abs(pulls[source]))
         for source, w in calibration.judged_residuals.items()
         if abs(w) > CRITICAL_VALUE
     }
@@ -216,7 +216,7 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
         senses = {one: _sense(one, residuals[one]) for one in (source, *same)}
         off = {one: residuals[one] ** 2 / abs(pulls[one]) for one in (source, *same)}
         sizes = {one: _size(residuals[one], off[one], *known[one]) for one in (source, *same)}
-        worst = max(abs(residuals[one]) for one in (source, *same))
+        worst = max(beyond.get(one, (abs(residuals[one]), 0.0))[0] for one in (source, *same))
         text = (
             f"{source} contradicts {_against(source)}: it {senses[source]} by {off[source]:.3g} of its standard "
             f"uncertainties if they are right{sizes[source]} ({worst:.1f} standard deviations, limit "
@@ -288,7 +288,8 @@ def _sense(source: ErrorSource, w: float) -> str:
     if is_declared(source):
         return "is declared too large" if w > 0 else "is declared too small"
     if source.is_of_time:
-        return "is late" if w > 0 else "is early"
+        never = ", which no line and no orifice makes it," if source.is_late_alone else ""
+        return "is late" if w > 0 else f"is early{never}"
     if source == BORE_FRICTION:
         return "takes off more" if w > 0 else "takes off less"
     if source in (SHARE, SLIDE):

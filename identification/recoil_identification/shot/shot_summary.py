@@ -350,7 +350,7 @@ def _of_causes(calibration: Calibration, rig: Rig) -> Iterator[tuple[Cause, Para
         elif source.kind is SourceKind.UNREAD_SHAPE:
             name = f"{UNREAD_FORCE} {source.detail}"
             yield cause, Parameter(name, ((f"{identity}{OF_SHAPE}{source.detail}", cause.u),))
-        elif source.kind is SourceKind.DELAY:
+        elif source.kind in (SourceKind.DELAY, SourceKind.LINE):
             yield cause, Parameter(source, ((f"{identity}{source}", cause.u),), cause.unit)
         elif source.kind in OF_CHAIN:
             yield cause, Parameter(source, ((f"{identity}{_gauge_of(rig, source)}{source}", cause.u),), cause.unit)
@@ -385,7 +385,7 @@ def certified_influences(rig: Rig) -> dict[str, tuple[tuple[str, float], ...]]:
         },
         **{
             delay: ((f"{OF_RIG}{rig.name}:{delay}", u_delay_s(rig, delay.of)),)
-            for delay in (delay_of_gauge(force.name) for force in rig.forces[1:])
+            for delay in (delay_of_gauge(force) for force in rig.forces[1:])
         },
         **{
             source: ((f"{OF_RIG}{rig.name}:{source}", u_common),)

@@ -96,6 +96,8 @@ class SourceKind(StrEnum):
     """Delay between the chains of acceleration and force."""
     DELAY = "delay", "{of} delay", SourceGroup.SENSORS
     """Delay of a gauge's chain."""
+    LINE = "line", "{of} delay of its line", SourceGroup.SENSORS
+    """Delay of the line or orifice between a gauge and what it measures, of which the rig says nothing."""
     ALIGNMENT = "alignment", "alignment of clock {of}", SourceGroup.SENSORS
     """Offset of a clock."""
     CLOCK_RATE = "clock rate", "rate of clock {of}", SourceGroup.SENSORS
@@ -154,7 +156,7 @@ class SourceKind(StrEnum):
     """Mass that was weighed and added to the recoiling part of some shots."""
 
 
-OF_TIME = (SourceKind.SKEW, SourceKind.DELAY, SourceKind.ALIGNMENT)
+OF_TIME = (SourceKind.SKEW, SourceKind.DELAY, SourceKind.LINE, SourceKind.ALIGNMENT)
 """Kinds that make something late, instead of reading high or low."""
 
 
@@ -200,3 +202,8 @@ class ErrorSource(str):
     def is_of_time(self) -> bool:
         """True if it makes something late."""
         return self.kind in OF_TIME
+
+    @property
+    def is_late_alone(self) -> bool:
+        """True if it makes something late and can make nothing early: a line, an orifice."""
+        return self.kind is SourceKind.LINE

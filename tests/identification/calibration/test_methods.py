@@ -14,11 +14,12 @@ from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import by_camera
 from recoil_identification.estimate.mass import FRICTION, GAUGES, RANDOM
 from recoil_identification.rows.camera_rows import START
-from recoil_identification.rows.causes import DISTORTIONS, delay_of_gauge, moving_zero
+from recoil_identification.rows.causes import DISTORTIONS, moving_zero
 from recoil_identification.rows.late_readings import GAS
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
 from recoil_processing.picture_bends import picture_bends
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.gauge_zero import MOVES_S, zero_moves
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import dynamic_scale
@@ -27,7 +28,7 @@ from recoil_rigs.rig import Rig
 from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot, with_channels
 
-BRAKE_DELAY = delay_of_gauge("brake_pressure")
+BRAKE_DELAY = ErrorSource(SourceKind.DELAY, "brake_pressure")
 
 RIGS = ["field-2013", "mixed"]
 MOVING = 0.001

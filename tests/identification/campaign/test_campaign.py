@@ -191,6 +191,20 @@ def test_what_is_contradicted_speaks_against_the_mass_only_if_it_moves_it() -> N
     assert not without_consequence([late(0.1, SHARE[0])], MASS)
 
 
+def test_a_line_that_is_found_early_is_contradicted_by_what_all_else_says_against_no_delay() -> None:
+    def found(name: str, ms: float) -> Learnt:
+        # the rest says 1.25 times as much, with u of 0.9 ms / 0.89
+        identity = f"rig:mixed:recuperator_pressure {name}"
+        w = ms / 2.0 / math.sqrt(1.0 - 0.45**2)
+        return Learnt(Influence(identity, source_of(identity), 0.002, "s"), 1e-3 * ms, 0.0009, w, moves_kg=3.0)
+
+    (one,) = contradictions([found("delay of its line", -3.2)])
+    assert one.about == "recuperator_pressure delay of its line"
+    assert ", early, which no line and no orifice makes it (normalised residual 4.0, limit 3.29)" in one
+    assert not contradictions([found("delay of its line", 3.2)])
+    assert not contradictions([found("delay", -3.2)])  # of a chain nothing is said of the sign
+
+
 @pytest.mark.whole_way
 def test_what_the_mass_moves_by_without_a_certificate_is_what_a_fit_without_it_finds() -> None:
     moved = {(i, "ln brake_pressure"): 0.012 for i in range(8)}

@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 from scipy import stats
 
 from recoil_identification.inference.block import LinearBlock
+from recoil_identification.inference.estimate import residual_against_none
 from recoil_identification.inference.reliability import NONCENTRALITY, POWER, reliability
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
@@ -35,6 +37,13 @@ def with_the_error_as_an_unknown(priors: list[Prior], error: dict[str, float]) -
         )
         for one in priors
     ]
+
+
+@given(st.floats(-5.0, 5.0).filter(lambda far: abs(far) > 1e-3), st.floats(0.1, 10.0), st.floats(0.1, 10.0))
+def test_a_residual_against_none_forgets_the_prior(far: float, u: float, u_seen: float) -> None:
+    value = far * u**2 / (u**2 + u_seen**2)
+    w = far / math.hypot(u, u_seen)
+    assert residual_against_none(w, value / u) == pytest.approx(far / u_seen, rel=1e-6)
 
 
 @pytest.mark.exhaustive

@@ -23,7 +23,6 @@ from recoil_identification.rows.causes import (
     SKEW,
     Cause,
     causes_of,
-    delay_of_gauge,
     moving_zero,
 )
 from recoil_identification.rows.late_readings import GAS, late_readings
@@ -52,8 +51,8 @@ from tests.builders.bench_shots import (
 )
 from tests.builders.virtual_shots import identified, virtual_shot
 
-BRAKE_DELAY = delay_of_gauge("brake_pressure")
-RECUPERATOR_DELAY = delay_of_gauge("recuperator_pressure")
+BRAKE_DELAY = ErrorSource(SourceKind.DELAY, "brake_pressure")
+RECUPERATOR_DELAY = ErrorSource(SourceKind.DELAY, "recuperator_pressure")
 
 RIGS = ["field-2013", "mixed"]
 MOVING = 0.001

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from recoil_identification.estimate.mass import ACCELERATION, GAUGES
-from recoil_identification.rows.causes import delay_of_gauge
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
 from recoil_identification.rows.unread_resistance import SHARE
 from recoil_identification.shot.analysis import identify_shot
@@ -21,7 +20,7 @@ from recoil_processing.shot.sensor_scales import BORE_FRICTION
 from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot, with_channels
 
-BRAKE_DELAY = delay_of_gauge("brake_pressure")
+BRAKE_DELAY = ErrorSource(SourceKind.DELAY, "brake_pressure")
 
 
 @dataclass

@@ -111,14 +111,16 @@ def test_influences_are_known_by_what_they_are() -> None:
 def test_what_no_gauge_reads_is_one_rigs_and_changes_of_the_mass_are_nobodys() -> None:
     by_name = {one.name: dict(one.influences) for one in identified("field-2013", kind=False).summary.parameters}
     assert by_name["unread share"] == {"rig:field-2013:unread_share": 0.01}
-    assert by_name["recuperator_pressure delay"] == {"rig:field-2013:recuperator_pressure delay": 0.002}
+    assert by_name["recuperator_pressure delay of its line"] == {
+        "rig:field-2013:recuperator_pressure delay of its line": 0.002
+    }
     shapes = [name for name in by_name if name.startswith("unread force ")]
     assert shapes == [f"unread force {number + 1}" for number in range(force_shapes().shape[1])]
     assert by_name["unread force 2"] == {"rig:field-2013:unread_force-2": 1.0}
     assert list(by_name)[-13:] == ["drift of ln mass", *(f"step of ln mass at {share:g}" for share in STEPS_AT)]
     assert not any(by_name[name] for name in list(by_name)[-13:])
     read = {one.name for one in identified("field-2013").summary.parameters}
-    assert by_name.keys() - read == {"unread share", *shapes}
+    assert by_name.keys() - read == {"unread share", "recuperator_pressure delay of its line", *shapes}
 
 
 @pytest.mark.whole_way

@@ -14,17 +14,17 @@ from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.mass import ACCELERATION, GAUGES, RANDOM
-from recoil_identification.rows.causes import delay_of_gauge
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.route import Route
 from recoil_identification.shot.sensor_doubts import notes_on_doubts
 from recoil_identification.shot.verdict import HIDDEN_U, against_this_shot, notes_on, reasons_against, require_explained
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot
 
-BRAKE_DELAY = delay_of_gauge("brake_pressure")
+BRAKE_DELAY = ErrorSource(SourceKind.DELAY, "brake_pressure")
 
 
 def route_of(found: Identification, **other: object) -> Route:

@@ -27,3 +27,4 @@ def test_its_kind_survives_another_process_and_a_copy() -> None:
         assert (again, again.kind, again.of, again.detail) == (source, SourceKind.REPAIR, "breech_pressure", "hum")
     assert not source.is_of_time
     assert ErrorSource(SourceKind.DELAY, "brake_pressure").is_of_time
+    assert [ErrorSource(kind, "p").is_late_alone for kind in (SourceKind.DELAY, SourceKind.LINE)] == [False, True]

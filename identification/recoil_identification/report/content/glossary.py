@@ -72,6 +72,8 @@ TERMS: dict[str, str] = {
     "tipping and recoiling part": "What tips with the elevation, and the recoiling part that slides in it.",
     "release from the battery stop": "Push that stop and packing give the recoiling part while they let it go, "
     "which no gauge reads.",
+    "recuperator_pressure delay of its line": "By how much the recuperator's gauge is later than the others, by "
+    "the line or orifice before it: that makes nothing early.",
     "brake_pressure delay": "By how much the brake's gauge is later than the other sensors.",
     "bow of the camera's picture": "Distortion by which the camera reads the middle of the travel too long or too "
     "short against its ends.",
