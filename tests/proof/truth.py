@@ -14,6 +14,7 @@ from tests.benchmarks import test_campaign_benchmark as campaigns
 from tests.benchmarks import test_coverage_benchmark as coverage
 from tests.benchmarks import test_documented_day_benchmark as documented
 from tests.builders.documented_days import Day
+from tests.builders.judged import halves, interval_score, worst_group
 from tests.builders.line_shots import identified
 from tests.builders.real_records import EMPS_KG, Carriage, emps_rig, write_carriage
 from tests.proof.row import Row, beside, significant, times
@@ -55,7 +56,7 @@ def alignment(quick: bool, _: Path) -> list[Row]:
 
 def shots(quick: bool, _: Path) -> list[Row]:
     """The mass of single shots: coverage, and error beside the published method."""
-    rows = []
+    rows, judged = [], list[tuple[str, float, bool, dict[str, float]]]()
     count = 1 if quick else coverage.SHOTS
     for name in ("field-2013",) if quick else ("field-2013", "mixed"):
         settings = dict(coverage.DRAWN)
@@ -73,23 +74,36 @@ def shots(quick: bool, _: Path) -> list[Row]:
             for method, (mass, _, _, _, true) in both.items()
         }
         held = {method: int(np.sum((low <= true) & (true <= high))) for method, (_, _, low, high, true) in both.items()}
+        for one in outcomes:
+            intervals = {method: one.methods[method][2:4] for method in both}
+            score = {
+                method: 100 * interval_score(*interval, one.truth_kg) / one.truth_kg
+                for method, interval in intervals.items()
+            }
+            low, high = intervals["calibrated"]
+            judged.append((name, one.methods["calibrated"][1], low <= one.truth_kg <= high, score))
         what = f"mass of a shot, `{name}`"
-        rows += [
+        rows.append(
             Row(
-                f"{what}: 95 % interval holds the truth",
-                f"{held['calibrated']} of {count} shots",
-                f"published method: {held['paper']} of {count}",
-                "",
-                "shots",
-            ),
-            Row(
-                f"{what}: RMS error",
-                f"{significant(errors['calibrated'])} %",
-                f"published method: {significant(errors['paper'])} %",
+                f"{what}: 95 % interval holds the truth; RMS error",
+                f"{held['calibrated']} of {count} shots; {significant(errors['calibrated'])} %",
+                f"published method: {held['paper']} of {count}; {significant(errors['paper'])} %",
                 times(errors["paper"] / errors["calibrated"]),
                 "shots",
-            ),
-        ]
+            )
+        )
+    names, u_kg, holds, scores = zip(*judged, strict=True)
+    share, group = worst_group(holds, {"rig": names, "": halves(u_kg)})
+    ours, theirs = (float(np.mean([one[method] for one in scores])) for method in ("calibrated", "paper"))
+    rows.append(
+        Row(
+            "mass of a shot: worst group by rig and u; mean interval score",
+            f"{100 * share:.0f} % ({group.strip()}); {significant(ours)} %",
+            f"published method: {significant(theirs)} %",
+            times(theirs / ours),
+            "shots",
+        )
+    )
     return rows
 
 
@@ -176,8 +190,7 @@ def windows(quick: bool, folder: Path) -> list[Row]:
             ("theirs", tuple(fitted.conf_int(0.05)[0])),
         ):
             holds[name] += first <= EMPS_KG <= last
-            outside = max(first - EMPS_KG, EMPS_KG - last, 0.0)
-            widths[name].append(last - first + 2.0 / 0.05 * outside)
+            widths[name].append(interval_score(first, last, EMPS_KG))
     ours, theirs = (float(np.mean(widths[name])) for name in ("ours", "theirs"))
     return [
         Row(
