@@ -30,7 +30,7 @@ from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import Calibration, calibration_of
 from recoil_identification.calibration.noise_in_motion import noise_in_motion
 from recoil_identification.estimate.rounding import in_kg, signed
-from recoil_identification.inference.change_odds import LEAST_FACTOR, found_size, ln_odds_of_change
+from recoil_identification.inference.change_odds import LEAST_FACTOR, could_hide_text, found_size, ln_odds_of_change
 from recoil_identification.inference.score import Scores
 from recoil_identification.rows.equation_of_motion import MASS, PIECES, change, ramps
 from recoil_identification.rows.row_noise import correlation_of
@@ -48,6 +48,9 @@ INSTANTS = 24
 """Instants at which a step is tried, each as likely as the others; what lies between differs little."""
 SD = np.array([DRIFT, *[STEP] * INSTANTS])
 """The same for a drift and all steps."""
+DOUBTED_FROM = -0.7
+"""Logarithm of the Bayes factor of a change, from which on the noise is found anew beside it: that of a constant mass
+holds the change, too, and would hide it."""
 TRIMMED = 0.03, 0.1
 """Shares of the travel's time at its beginning and its end in which no step is looked for: at the end hardly a force is
 left to tell a mass by, and the friction turns."""
@@ -219,11 +222,10 @@ class MassConstancy:
                     else "something of the breech chain or its like explains the shot as well"
                 )
                 return f"No change of the mass can be told ({odds}): {better}."
-            hidden = self.could_hide_percent
+            hidden = could_hide_text(self.could_hide_percent, "shots")
             return (
-                f"No change of the mass can be told ({odds}): in 19 shots of 20 one of {hidden['drift']:.2g} % over "
-                f"the travel or {hidden['step']:.2g} % at once would be, a smaller one may hide behind forces that no "
-                f"gauge reads; if there are none, a constant mass has {probability_text(self.p_value)}."
+                f"No change of the mass can be told ({odds}): {hidden} behind forces that no gauge reads; if there are "
+                f"none, a constant mass has {probability_text(self.p_value)}."
             )
         if self.kind == "step":
             best = f"a step of {size} {at} (95 %: {low:.1f} to {high:.1f} ms)"
@@ -257,7 +259,7 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
     tried = _tried(calibration)
     if tried is None:
         return None
-    if tried.ln_odds > calibration.block.regression.doubted_from:
+    if tried.ln_odds > DOUBTED_FROM:
         anew = _tried(_with_noise_beside(calibration, tried.likeliest))
         tried = anew if anew is not None and anew.ln_odds > tried.ln_odds else tried
     return _told(tried, calibration)

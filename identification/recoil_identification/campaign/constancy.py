@@ -23,7 +23,7 @@ from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_identification.calibration.mass_over_time import DRIFT, STEP
 from recoil_identification.campaign.joint_fit import JointFit
-from recoil_identification.inference.change_odds import LEAST_FACTOR, found_size, ln_odds_of_change
+from recoil_identification.inference.change_odds import LEAST_FACTOR, could_hide_text, found_size, ln_odds_of_change
 from recoil_identification.inference.score import Scores
 from recoil_identification.shot.shot_summary import LN_MASS_DRIFT, STEPS_AT, ln_mass_step
 
@@ -109,11 +109,10 @@ class SharedConstancy:
                 "hangs on the place is."
             )
         if self.constant:
-            hidden = self.could_hide_percent
+            hidden = could_hide_text(self.could_hide_percent, "campaigns")
             return (
-                f"No change of the mass within the shots can be told ({odds}): in 19 campaigns of 20 one of "
-                f"{hidden['drift']:.2g} % over the travel or {hidden['step']:.2g} % at once would be, a smaller one "
-                "may hide behind forces that no gauge reads."
+                f"No change of the mass within the shots can be told ({odds}): {hidden} behind forces that no gauge "
+                "reads."
             )
         best = (
             f"a step of {self.step} at {100 * self.step_at:.0f} % of the travel's time"

@@ -9,6 +9,7 @@ with the correlation that the rows give them; the size that is found in nineteen
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import lru_cache
 
 import numpy as np
@@ -73,6 +74,23 @@ def found_size(scores: Scores, sd: Array, change: int) -> float:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if share(middle) >= FOUND else (middle, high)
     return high
+
+
+def could_hide_text(sizes_percent: Mapping[str, float], of: str) -> str:
+    """Say which changes would be found in nineteen cases of twenty.
+
+    Parameters
+    ----------
+    sizes_percent
+        Size of a ``drift`` and a ``step`` that are, percent of the mass; of more than all of it none is.
+    of
+        What is twenty: ``shots``, ``campaigns``.
+    """
+    ways = {"drift": "over the travel", "step": "at once"}
+    told = [f"{size:.2g} % {ways[kind]}" for kind, size in sizes_percent.items() if size < 100.0]
+    if not told:
+        return f"none would be in 19 {of} of 20, whatever its size: all may hide"
+    return f"in 19 {of} of 20 one of {' or '.join(told)} would be, a smaller one may hide"
 
 
 _NONE = np.zeros((0, 0))

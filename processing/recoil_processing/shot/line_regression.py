@@ -56,7 +56,6 @@ class LineRegression(Regression):
     blow: Blow | None = None
 
     recoils_once = False
-    doubted_from = 3.0  # its strokes differ by themselves, and what is left of each looks like a change
     least_identified = 0.0  # it coasts between its drives, and nothing tells a mass then
     stroke_rows = 30  # a force that stays the same has its energy at nothing
     unread_column = -1  # beside all gauges

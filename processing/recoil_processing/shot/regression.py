@@ -118,9 +118,6 @@ class Regression(ReadOnlyArrays):
     """Rate that the force needs at most: noise beyond all that it can be would count as energy of it."""
     bands: ClassVar[float] = 0.0
     """Cut-off over the force's own band where no spectrum tells; 0 where a fixed one is high enough."""
-    doubted_from: ClassVar[float] = -0.7
-    """Logarithm of the Bayes factor of a mass that changes, from which on the noise is found anew beside the change:
-    that of a constant mass holds the change, too, and would hide it."""
     least_identified: ClassVar[float] = 0.5
     """Share of identified samples below which a mass over time does not describe the motion."""
     stroke_rows: ClassVar[int] = 0

@@ -7,7 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from recoil_identification.inference.change_odds import FOUND, LEAST_FACTOR, found_size, ln_odds_of_change
+from recoil_identification.inference.change_odds import (
+    FOUND,
+    LEAST_FACTOR,
+    could_hide_text,
+    found_size,
+    ln_odds_of_change,
+)
 from recoil_identification.inference.score import Scores
 
 ROWS, STEPS = 80, 12
@@ -54,3 +60,11 @@ def test_what_the_unknowns_explain_can_have_any_size() -> None:
     scores = Scores(np.zeros(2), np.eye(2), told, np.array([0.0, 4e6]), np.zeros((0, 2)))
     assert found_size(scores, SD[:2], 0) == math.inf
     assert 0.0 < found_size(scores, SD[:2], 1) < 0.01
+
+
+def test_what_could_hide_is_said_but_for_what_is_more_than_all_of_the_mass() -> None:
+    said = could_hide_text({"drift": 3.33, "step": 0.745}, "shots")
+    assert said == "in 19 shots of 20 one of 3.3 % over the travel or 0.74 % at once would be, a smaller one may hide"
+    assert "one of 0.74 % at once would be" in could_hide_text({"drift": math.inf, "step": 0.745}, "shots")
+    nothing = could_hide_text({"drift": math.inf, "step": 140.0}, "campaigns")
+    assert nothing == "none would be in 19 campaigns of 20, whatever its size: all may hide"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot.shot import Shot
+from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.rows.unread_resistance import SHARE, SLIDE
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
@@ -21,8 +23,10 @@ from recoil_processing.shot.verdict.mass_reasons import against_the_record
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
+from recoil_rigs.twin import simulate_shot
 from tests.builders.line_motions import TURNING_M_S, LineBody
-from tests.builders.line_shots import drop_tower, hammer, sled_outcome
+from tests.builders.line_shots import DAY, drop_tower, hammer, sled_outcome, sled_without_camera
+from tests.builders.virtual_shots import with_channels
 
 ALL = ("driving_force", "resisting_force", "recoil_acceleration", "recoil_velocity")
 BODY = LineBody()
@@ -184,3 +188,21 @@ def test_a_blow_of_a_millisecond_in_a_second_is_judged_by_its_own_span(noise: fl
     assert outcome.covers
     recorded = outcome.found.route.recorded
     assert 0 < recorded.inside.sum() * recorded.step_s < 0.02
+
+
+@pytest.mark.whole_way
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_step_of_the_mass_of_the_size_that_is_said_to_be_found_is_found(seed: int, tmp_path: Path) -> None:
+    rig = sled_without_camera()
+    files = simulate_shot(rig, tmp_path / "files", seed=seed, shot="1").files
+    shot = ingest_files(rig, files, shot="1", out=tmp_path / "shots", on=DAY).shot
+    sound = identify_shot(FiredShot(shot, rig), Options())
+    assert sound.constancy is not None
+    assert sound.constancy.constant
+    (motion,) = [one.name for one in rig.channels if one.role == "recoil_acceleration"]
+    acceleration = np.array(shot.channels[motion].samples)
+    at_s = 0.5 * sum(sound.route.recorded.interval_s)
+    acceleration[shot.reference_times_s(motion) >= at_s] /= 1.0 - sound.constancy.found_step_rel
+    stepped = identify_shot(FiredShot(with_channels(shot, **{motion: acceleration}), rig), Options())
+    assert stepped.constancy is not None
+    assert not stepped.constancy.constant
