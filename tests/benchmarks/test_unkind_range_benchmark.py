@@ -62,6 +62,11 @@ FORCES: Mapping[str, Mapping[str, float]] = {
     "swing": {"swing_n": 400.0},
 }
 """Forces that no gauge reads, of the size that they really have; the last four have a shape that no column knows."""
+CHANGING = frozenset({
+    "breakaway twofold", "6 kg of gas leave", "friction by place 30 %", "friction by speed", "rough force 0.5 %",
+    "rough force 1 %", "slide that stiffens", "bump", "stick", "swing",
+})  # fmt: skip
+"""Those by which mass or friction does change in the shot: to say so is right."""
 BORE: Mapping[str, Mapping[str, float]] = {
     f"bore {100 * share:g} %": {"bore_drag": share} for share in (0.005, 0.01, 0.015)
 }
@@ -223,10 +228,10 @@ def test_the_interval_holds_where_no_gauge_reads_and_where_the_motion_is_loud(be
     rows = (*FORCES, *BORE, *READINGS)
     found = benchmark.pedantic(outcomes, args=(rows, SHOTS), rounds=1)
     judge(found)
-    assert np.mean([one.covered for one in found]) >= LEAST_COVERED
+    assert sum(one.covered for one in found) >= binom.ppf(0.025, len(found), 0.95)
     wrong = sum(one.valid and abs(one.z) > BEYOND for one in found)
     assert wrong <= binom.ppf(0.975, len(found), math.erfc(BEYOND / math.sqrt(2.0)))
-    assert np.mean([one.changing for one in found]) <= MOST_CHANGING
+    assert np.mean([one.changing for one in found if one.row not in CHANGING]) <= MOST_CHANGING
     for row in rows:
         # what is not valid is nothing to trust, and says so
         of = [one.covered or not one.valid for one in found if one.row == row]
