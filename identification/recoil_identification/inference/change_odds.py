@@ -24,6 +24,8 @@ FOUND = 0.95
 """Share of shots in which a change of the size that could hide is found."""
 DRAWS, SEED = 500, 1
 """Draws of the scores' errors: the share is then known to 1 %."""
+MOST_LN = 10.0
+"""Logarithm of a mass beyond which a change of it is none that could be."""
 FIRST, DOUBLINGS, HALVINGS = 6.0, 4, 10
 """Size that is tried first, in its standard uncertainties, how often it is doubled, and halved between."""
 
@@ -42,7 +44,9 @@ def ln_odds_of_change(ln_bayes_factors: Array) -> Array:
 
 
 def found_size(scores: Scores, sd: Array, change: int) -> float:
-    """Return the size of a change that is found in `FOUND` of shots; infinite where none is.
+    """Return the size of a change of the mass, a share of it, that is found in `FOUND` of shots; infinite where none is.
+
+    The scores are of changes of its logarithm: a mass that falls has to fall by less.
 
     Parameters
     ----------
@@ -73,7 +77,7 @@ def found_size(scores: Scores, sd: Array, change: int) -> float:
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if share(middle) >= FOUND else (middle, high)
-    return high
+    return math.expm1(high) if high < MOST_LN else math.inf
 
 
 def could_hide_text(sizes_percent: Mapping[str, float], of: str) -> str:
