@@ -17,7 +17,7 @@ from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.twin import draw_scene, read_settings, simulate_shot
 from tests.builders.virtual_shots import with_twin
 
-SHOTS_OF_EACH = 10
+SHOTS_OF_EACH = 20
 GROUPS = (("mixed", False, 9000), ("mixed", True, 9100), ("field-2013", False, 9200), ("field-2013", True, 9300))
 """Rig, whether its gauges read all forces in time, and first seed; no two shots share a draw."""
 CHARGES = (1.0, 0.8)

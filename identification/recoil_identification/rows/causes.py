@@ -321,7 +321,7 @@ def _longest_lost(recorded: Regression) -> list[tuple[int, int]]:
 def carriage_part_causes(regression: Regression, signals: Signals, fired: FiredShot) -> tuple[Cause, ...]:
     """State what may be wrong of the carriage's part of the motion beside its scale and its zero.
 
-    Its sensors may be late. What a rate that the shot has not could have contributed is unknown too, for the carriage
+    Its sensors may be late, and what they drained may be told wrongly. What a rate that the shot has not could have contributed is unknown too, for the carriage
     is taken for at rest: it may turn as the tipping part does, of which a camera's frames tell something. Without the
     rate of the tipping part no shape of that is known, see `recoil_identification.shot.verdict`.
     """
@@ -339,6 +339,12 @@ def carriage_part_causes(regression: Regression, signals: Signals, fired: FiredS
         return Cause(source, unit, u, "B", none, filtered, seen, scope)
 
     found = [cause(source, "s", u_s, late, taken, scope) for source, u_s, scope, late in _late(signals, fired)]
+    # what other repairs leave is short, and no travel
+    found += [
+        cause(source, "1", 1.0, _misread(signals, rig, {source.of: left}), taken)
+        for source, left in signals.left.items()
+        if source.of in CARRIAGE_ROLES and source.detail.startswith("droop")
+    ]
     if lacks(signals, rig, "carriage_rate") and "tipping_rate" in signals.series:
         found.append(cause(NO_CARRIAGE_RATE, "1", 1.0, taken, turning_as_one(taken)))
     return tuple(found)
