@@ -321,9 +321,10 @@ def _longest_lost(recorded: Regression) -> list[tuple[int, int]]:
 def carriage_part_causes(regression: Regression, signals: Signals, fired: FiredShot) -> tuple[Cause, ...]:
     """State what may be wrong of the carriage's part of the motion beside its scale and its zero.
 
-    Its sensors may be late, and what they drained may be told wrongly. What a rate that the shot has not could have contributed is unknown too, for the carriage
-    is taken for at rest: it may turn as the tipping part does, of which a camera's frames tell something. Without the
-    rate of the tipping part no shape of that is known, see `recoil_identification.shot.verdict`.
+    Its sensors may be late, and what they drained may be told wrongly. What a rate that the shot has not could have
+    contributed is unknown too, for the carriage is taken for at rest: it may turn as the tipping part does, of which a
+    camera's frames tell something. Without the rate of the tipping part no shape of that is known, see
+    `recoil_identification.shot.verdict`.
     """
     rig, taken = fired.rig, angular_motion(signals, fired.rig)
     none = np.zeros((signals.times_s.size, len(rig.forces)))
