@@ -306,9 +306,8 @@ class Rig(Listed):
 
     @property
     def foreign_keys(self) -> tuple[Fault, ...]:
-        """Keys of channels' ``sensor`` that say nothing of what the channel measures."""
-        _, channels = self._rows
-        return tuple(foreign_keys(self.mechanism, channels))
+        """Keys of channels' ``sensor`` that say nothing of what the channel measures, or that nothing hangs on."""
+        return tuple(foreign_keys(self.mechanism, *self._rows))
 
     @property
     def _rows(self) -> tuple[list[tuple[KeyPath, Source]], list[tuple[KeyPath, ChannelSpec]]]:

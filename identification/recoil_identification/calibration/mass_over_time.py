@@ -27,8 +27,9 @@ from numpy.typing import NDArray
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE, probability_text
 from recoil_acquisition.numerics.read_only import ReadOnlyArrays
-from recoil_identification.calibration.calibration import Calibration, calibration_of
+from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.noise_in_motion import noise_in_motion
+from recoil_identification.calibration.solution import calibration_of
 from recoil_identification.estimate.rounding import in_kg, signed
 from recoil_identification.inference.change_odds import LEAST_FACTOR, could_hide_text, found_size, ln_odds_of_change
 from recoil_identification.inference.score import Scores

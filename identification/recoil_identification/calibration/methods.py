@@ -26,9 +26,10 @@ from typing import Literal
 import numpy as np
 
 from recoil_acquisition.numerics.arrays import Array
-from recoil_identification.calibration.calibration import Calibration, all_unknowns, calibration_of
+from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.gauge_agreement import gauge_agreement
 from recoil_identification.calibration.noise_in_motion import noise_in_motion, travel_with_noise
+from recoil_identification.calibration.solution import all_unknowns, calibration_of
 from recoil_identification.calibration.zero_shift import ZeroShift, can_be_told, shift_columns, with_zero_shift
 from recoil_identification.estimate.mass import reverse_mass
 from recoil_identification.inference.block import JointBlock, LinearBlock
@@ -36,7 +37,7 @@ from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.breech_chain import chain_causes
 from recoil_identification.rows.camera_rows import CameraRows, camera_rows
-from recoil_identification.rows.causes import Cause, absent_rate_causes, carriage_causes, causes_of
+from recoil_identification.rows.causes import Cause, carriage_causes, carriage_part_causes, causes_of
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.known_forces import known_forces
 from recoil_identification.rows.late_readings import late_readings
@@ -143,7 +144,7 @@ def calibrated(
     full = shiftable.filtered(low_pass)
     causes = (
         *causes_of(full, shiftable, signals, inputs.fired, role),
-        *absent_rate_causes(full, signals, rig),
+        *carriage_part_causes(full, signals, inputs.fired),
         *unread_causes(full, shiftable, rig.mechanism, shiftable.acceleration_m_s2),
         *chain_causes(full, shiftable, signals, rig),
     )

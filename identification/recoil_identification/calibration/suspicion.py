@@ -30,6 +30,8 @@ from recoil_identification.rows.equation_of_motion import MASS
 from recoil_identification.rows.suspects import SUSPECTED_HZ, Suspect, columns_of
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 
+LITTLE = 0.8
+"""Change of the mass by what nobody stated, in its standard uncertainties, which its interval holds."""
 AS_WELL = 2.0
 """Logarithm of the Bayes factor by which another shape may lie below the likeliest and explains the shot as well."""
 UNSTATED = ErrorSource(SourceKind.UNSTATED)

@@ -21,6 +21,7 @@ import numpy as np
 from recoil_acquisition.measured import Worded, joined, measured, worded
 from recoil_acquisition.numerics.arrays import Array
 from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.calibration.solution import with_shifts
 from recoil_identification.estimate.mass import ACCELERATION
 from recoil_identification.inference.score import Scores
 from recoil_identification.rows.camera_rows import OTHER_ZERO, CameraRows
@@ -161,7 +162,7 @@ def with_zero_shift(
     # far from where nothing shifts the scores are no more than a hint
     criteria: dict[Shape, tuple[float, Calibration]] = {}
     for shape in shapes:
-        found = calibration.with_shifts(full.shifts[:, shape], None if camera is None else camera.with_shifts(shape))
+        found = with_shifts(calibration, full.shifts[:, shape], None if camera is None else camera.with_shifts(shape))
         if _KICK in shape and abs(found.shifts_m_s2[0]) < LEAST_STEP_SIGMA * found.u_shifts_m_s2[0]:
             # a kick without a step is the release, modelled as an instant, and no zero that shifted
             continue

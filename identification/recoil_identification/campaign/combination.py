@@ -11,7 +11,7 @@ import numpy as np
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
-from recoil_identification.calibration.suspicion import AS_WELL
+from recoil_identification.calibration.suspicion import AS_WELL, LITTLE
 from recoil_identification.campaign.agreement import agreement_of, weighed
 from recoil_identification.campaign.campaign import (
     Campaign,
@@ -48,8 +48,6 @@ from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import BORE_FRICTION
 
 LEAST_SHOTS = 2
-LITTLE = 0.8
-"""Change of the mass by what nobody stated, in its standard uncertainties, which its interval holds."""
 CERTIFICATES = (SourceKind.SENSOR_SCALE, SourceKind.SENSOR_DYNAMIC, SourceKind.STANDARD)
 LEAST_MOVED_U = 0.5
 """By how much of its u what is contradicted has to move the mass to speak against it: of an interval that lies half a u

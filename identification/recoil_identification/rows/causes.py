@@ -12,7 +12,7 @@ an error in that part's motion moves the travel.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,7 +44,7 @@ from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.force_input import ForceInput
-from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS, CARRIAGE_ROLES
 
 SKEW = ErrorSource(SourceKind.SKEW)
 NO_CARRIAGE_RATE = ErrorSource(SourceKind.NOT_RECORDED, "carriage_rate")
@@ -214,11 +214,12 @@ def causes_of(
         others = (*clocks[:column], *clocks[column + 1 :], [fired.shot.reference_clock])
         return set(clocks[column]).isdisjoint(clock for of_role in others for clock in of_role)
 
-    # the first one's own delay is the skew
-    for column, force in [*enumerate(gauges.values())][1:]:
+    known = known_delays(fired.rig)
+    for column, force in enumerate(gauges.values()):
         if force.name not in signals.series:
             continue
-        source, u_s = delay_of_gauge(force), u_delay_s(fired.rig, force.name)
+        source = delay_of_gauge(force)
+        u_s = known[source]
         if u_s > 0 and not alone(column):
             late = np.where(np.arange(len(gauges)) == column, slopes_n_s, 0.0)
             found.append(Cause(source, "s", u_s, "B", late, unmoved, scope="rig"))
@@ -233,13 +234,10 @@ def causes_of(
             found.append(Cause(source, "m/s^2", U_BRIDGED * largest, "B", none, spread))
     # channels that are read one after the other need not share the jitter of their stamps
     jitter = max((jitter_s(channel, fired) for of_role in channels for channel in of_role), default=0.0)
-    # what is stated of the delays of the first force and of the motion is uncertain beside that of all chains
-    stated = [
-        math.hypot(*(one.spec.sensor.u_delay_s or 0.0 for one in measured[column])) / max(len(measured[column]), 1)
-        for column in (0, len(gauges))
-        if not alone(column)
-    ]
-    found.append(Cause(SKEW, "s", math.hypot(U_SKEW_S, jitter, *stated), "B", none, -jerk_m_s3))
+    # what is stated of the motion's delay is uncertain beside that of all chains
+    own = [] if alone(len(gauges)) else [one.spec.sensor.u_delay_s or 0.0 for one in measured[-1]]
+    stated = math.hypot(*own) / max(len(own), 1)
+    found.append(Cause(SKEW, "s", math.hypot(U_SKEW_S, jitter, stated), "B", none, -jerk_m_s3))
     return tuple(found)
 
 
@@ -283,9 +281,26 @@ def _u_moving_zero(force: ForceInput, signals: Signals) -> float:
     return math.hypot(*(moving_zero_pa(spec, reading) for spec in force.channels)) / len(force.channels)
 
 
-def u_delay_s(rig: Rig, force: str) -> float:
+def known_delays(rig: Rig) -> dict[ErrorSource, float]:
+    """Return how well the delays are known of forces and of the carriage's sensors, s.
+
+    What is not stated of the first force's own delay is the skew.
+    """
+    of_forces = {
+        delay_of_gauge(force): u_delay_s(rig, force.name, U_DELAY_S if number else 0.0)
+        for number, force in enumerate(rig.forces)
+    }
+    of_carriage = {
+        ErrorSource(SourceKind.DELAY, role): delay_of(spec, rig.source(spec.source)).u_s
+        for role in CARRIAGE_ROLES
+        if (spec := rig.by_role(role)) is not None
+    }
+    return of_forces | of_carriage
+
+
+def u_delay_s(rig: Rig, force: str, unstated_s: float = U_DELAY_S) -> float:
     """Return how well the delay is known of a force, by its name, the mean of all that measured it."""
-    each = [delay_of(spec, rig.source(spec.source)).u_s or U_DELAY_S for spec in rig.force(force).channels]
+    each = [delay_of(spec, rig.source(spec.source)).u_s or unstated_s for spec in rig.force(force).channels]
     return math.hypot(*each) / max(len(each), 1)
 
 
@@ -304,25 +319,78 @@ def _longest_lost(recorded: Regression) -> list[tuple[int, int]]:
     return sorted(sorted(stretches, key=lambda one: one[0] - one[1])[:MOST_LOST])
 
 
-def absent_rate_causes(regression: Regression, signals: Signals, rig: Rig) -> tuple[Cause, ...]:
-    """State what a carriage's rate could have contributed that the shot has not: the carriage is taken for at rest.
+def carriage_part_causes(regression: Regression, signals: Signals, fired: FiredShot) -> tuple[Cause, ...]:
+    """State what may be wrong of the carriage's part of the motion beside its scale and its zero.
 
-    It may turn as the tipping part does, of which a camera's frames tell something. Without the rate of the tipping
-    part no shape is known, see `recoil_identification.shot.verdict`.
+    Its sensors may be late, and what they drained may be told wrongly. What a rate that the shot has not could have
+    contributed is unknown too, for the carriage is taken for at rest: it may turn as the tipping part does, of which a
+    camera's frames tell something. Without the rate of the tipping part no shape of that is known, see
+    `recoil_identification.shot.verdict`.
     """
-    if not lacks(signals, rig, "carriage_rate") or "tipping_rate" not in signals.series:
-        return ()
-    taken = angular_motion(signals, rig)
-    felt, seen = (
-        regression.released * bridge(of(signals, rig, taken) - of(signals, rig, turning_as_one(taken)), otherwise=0.0)
-        for of in (inertial_acceleration, seen_acceleration)
-    )
-    filtered = filtered_columns(regression, felt[:, np.newaxis])[:, 0]
-    return (Cause(NO_CARRIAGE_RATE, "1", 1.0, "B", np.zeros((felt.size, len(rig.forces))), filtered, seen),)
+    rig, taken = fired.rig, angular_motion(signals, fired.rig)
+    none = np.zeros((signals.times_s.size, len(rig.forces)))
+
+    def cause(
+        source: ErrorSource, unit: str, u: float, wrong: AngularMotion, right: AngularMotion, scope: Scope = "shot"
+    ) -> Cause:
+        felt, seen = (
+            regression.released / u * bridge(of(signals, rig, wrong) - of(signals, rig, right), otherwise=0.0)
+            for of in (inertial_acceleration, seen_acceleration)
+        )
+        filtered = filtered_columns(regression, felt[:, np.newaxis])[:, 0]
+        return Cause(source, unit, u, "B", none, filtered, seen, scope)
+
+    found = [cause(source, "s", u_s, late, taken, scope) for source, u_s, scope, late in _late(signals, fired)]
+    # what other repairs leave is short, and no travel
+    found += [
+        cause(source, "1", 1.0, _misread(signals, rig, {source.of: left}), taken)
+        for source, left in signals.left.items()
+        if source.of in CARRIAGE_ROLES and source.detail.startswith("droop")
+    ]
+    if lacks(signals, rig, "carriage_rate") and "tipping_rate" in signals.series:
+        found.append(cause(NO_CARRIAGE_RATE, "1", 1.0, taken, turning_as_one(taken)))
+    return tuple(found)
+
+
+def _late(signals: Signals, fired: FiredShot) -> Iterator[tuple[ErrorSource, float, Scope, AngularMotion]]:
+    """Yield by how much the carriage's sensors may be late, each and all of one clock, and what they tell if they are.
+
+    A clock that a force or the motion is on as well has its offset among what those hang on.
+    """
+    rig = fired.rig
+    recorded = {
+        role: one for role in CARRIAGE_ROLES
+        if role in signals.series and (one := fired.channel(role)) is not None
+    }  # fmt: skip
+    for source, u_s in known_delays(rig).items():
+        if source.of in recorded and u_s > 0:
+            yield source, u_s, "rig", _with_delay(signals, rig, (source.of,), u_s)
+    others = {of[0].recorded.time_base.clock for role, of in fired.roles.items() if role not in CARRIAGE_ROLES}
+    clocks = {role: one.recorded.time_base.clock for role, one in recorded.items()}
+    for clock in sorted({*clocks.values()} - others - {fired.shot.reference_clock}):
+        on_it = tuple(role for role, its in clocks.items() if its == clock)
+        u_s = fired.alignments[clock].u_offset_s
+        if 0 < u_s < math.inf:
+            source = ErrorSource(SourceKind.ALIGNMENT, clock)
+            yield source, u_s, "shot", _with_delay(signals, rig, on_it, u_s)
+
+
+def _with_delay(signals: Signals, rig: Rig, roles: Sequence[str], delay_s: float) -> AngularMotion:
+    """Return the motion that the carriage's sensors tell if some are late."""
+    times = signals.times_s
+    readings = {role: bridge(signals.series[role], otherwise=0.0) for role in roles}
+    late = {role: np.interp(times - delay_s, times, one) - one for role, one in readings.items()}
+    return _misread(signals, rig, late)
+
+
+def _misread(signals: Signals, rig: Rig, errors: Mapping[str, Array]) -> AngularMotion:
+    """Return the motion that the carriage's sensors tell with errors in what some read."""
+    series = {role: signals.series[role] + error for role, error in errors.items()}
+    return angular_motion(replace(signals, series={**signals.series, **series}), rig)
 
 
 def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
-    """List the zeros, the scales and what repairs may have left of the carriage's sensors.
+    """List the zeros, the scales, the delays and what repairs may have left of the carriage's sensors.
 
     Parameters
     ----------
@@ -342,8 +410,8 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
 
     found = []
     for source, left in signals.left.items():
-        if source.of in CARRIAGE_ACCELERATIONS:
-            found.append(cause(source, "1", 1.0, "B", _with_error(forced.motion, source.of, left)))
+        if source.of in CARRIAGE_ROLES:
+            found.append(cause(source, "1", 1.0, "B", _misread(signals, forced.fired.rig, {source.of: left})))
     for role in CARRIAGE_ACCELERATIONS:
         offset = signals.offsets.get(role)
         if offset is not None and math.isfinite(offset.u) and offset.u > 0:
@@ -357,6 +425,7 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
             other = _with_scale(forced, role, spec.sensor.u_scale_rel)
             source = ErrorSource(SourceKind.SENSITIVITY, role)
             found.append(cause(source, "1", spec.sensor.u_scale_rel, "B", other, "sensor"))
+    found += [cause(source, "s", u_s, "B", late, scope) for source, u_s, scope, late in _late(signals, forced.fired)]
     if lacks(signals, forced.fired.rig, "carriage_rate"):  # without both rates the camera gives no mass
         found.append(cause(NO_CARRIAGE_RATE, "1", 1.0, "B", turning_as_one(forced.motion)))
     return tuple(found)

@@ -44,6 +44,15 @@ def shape_of_force(number: int) -> ErrorSource:
     return ErrorSource(SourceKind.UNREAD_SHAPE, detail=f"{number + 1}")
 
 
+def together(cause: str) -> str:
+    """Return the name of the row of a cause: shapes of one force that no gauge reads, or of one zero, have one."""
+    if not isinstance(cause, ErrorSource):
+        return cause
+    if cause.kind is SourceKind.UNREAD_SHAPE:
+        return FORCE
+    return f"{cause.of} zero that moves" if cause.kind is SourceKind.MOVING_ZERO else cause
+
+
 def unread_causes(
     regression: Regression, recorded: Regression, mechanism: Mechanism, acceleration_m_s2: Array
 ) -> tuple[Cause, ...]:

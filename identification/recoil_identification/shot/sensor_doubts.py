@@ -12,7 +12,7 @@ from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.gauge_agreement import ALIKE
 from recoil_identification.calibration.mass_over_time import MassConstancy
-from recoil_identification.calibration.suspicion import ShotSuspicion
+from recoil_identification.calibration.suspicion import LITTLE, ShotSuspicion
 from recoil_identification.estimate.mass import ACCELERATION, GAUGES, MassEstimate
 from recoil_identification.rows.breech_chain import OF_CHAIN
 from recoil_identification.rows.known_forces import is_declared
@@ -27,8 +27,6 @@ FAR = 3.0
 """Factor on how far, in its standard uncertainties, something would have to be off, beyond which another is taken."""
 LEAST_GAIN = 0.5
 """Gain of the breech chain over that of the likeliest sensor, from which on it is named beside it."""
-LITTLE = 0.8
-"""Change of the mass by the breech chain, in its standard uncertainties, which its interval holds."""
 DRIVING = (
     GAUGES[0],
     ErrorSource(SourceKind.SENSITIVITY, "breech_pressure"),

@@ -21,14 +21,15 @@ import numpy as np
 
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.numerics.read_only import ReadOnlyArrays
-from recoil_identification.calibration.calibration import BESIDE, Calibration
+from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.mass_over_time import TRIMMED, steps_behind
+from recoil_identification.calibration.solution import BESIDE
 from recoil_identification.estimate.mass import force_scale
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.breech_chain import OF_CHAIN
 from recoil_identification.rows.camera_rows import OTHER
-from recoil_identification.rows.causes import DISTORTIONS, Cause, delay_of_gauge, u_delay_s
+from recoil_identification.rows.causes import DISTORTIONS, Cause, known_delays
 from recoil_identification.rows.known_forces import declared_sources, declared_too_large
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_identification.rows.suspects import Suspect, columns_of
@@ -383,10 +384,7 @@ def certified_influences(rig: Rig) -> dict[str, tuple[tuple[str, float], ...]]:
             name: ((f"{OF_RIG}{rig.name}:{symbol}", rig.mechanism.u.get(symbol, 0.0)),)
             for name, symbol in ((UNREAD_SHARE, "unread_share"), (SLIDE_FRICTION, "slide_friction"))
         },
-        **{
-            delay: ((f"{OF_RIG}{rig.name}:{delay}", u_delay_s(rig, delay.of)),)
-            for delay in (delay_of_gauge(force) for force in rig.forces[1:])
-        },
+        **{delay: ((f"{OF_RIG}{rig.name}:{delay}", u_s),) for delay, u_s in known_delays(rig).items()},
         **{
             source: ((f"{OF_RIG}{rig.name}:{source}", u_common),)
             for source, (u_common, _) in declared_sources(rig).items()

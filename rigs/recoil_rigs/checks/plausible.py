@@ -94,32 +94,43 @@ def _exact_zeros(mechanism: Mechanism) -> Iterator[Fault]:
             yield Fault(("mechanism", symbol), problem, FaultCode.UNUSUAL)
 
 
-def foreign_keys(mechanism: Mechanism, channels: Sequence[tuple[KeyPath, ChannelSpec]]) -> list[Fault]:
-    """Name what a channel's ``sensor`` states and no sensor of its quantity has: it may be that of another channel.
+def foreign_keys(
+    mechanism: Mechanism, sources: Sequence[tuple[KeyPath, Source]], channels: Sequence[tuple[KeyPath, ChannelSpec]]
+) -> list[Fault]:
+    """Name what a channel's ``sensor`` states and nothing hangs on.
 
+    No sensor of its quantity has such a key, and it may be that of another channel, or nobody asks what it says.
     Parameters are as of `implausible_values`.
     """
     found = []
+    # a clock is aligned by them, so that what they are late by is its offset
+    quantities = {channel.name: channel.quantity for _, channel in channels}
+    by_forces = {
+        one.name for _, one in sources
+        if mechanism.recoils_once and quantities.get(getattr(one.align, "against", None) or "") == "pressure"
+    }  # fmt: skip
+    compared = {getattr(one.align, key, None) for _, one in sources for key in ("channel", "against")}
     for where, channel in channels:
-        stated = channel.sensor.model_fields_set
         of_others = {
             "position": channel.quantity not in PLACED and any(channel.sensor.position),
             "u_distortion_m": channel.quantity != "displacement",
-            "u_zero_rel": mechanism.recoils_once and channel.quantity in TURNING,
+            "u_zero_rel": mechanism.recoils_once and channel.quantity in PLACED,
+            **dict.fromkeys(OF_A_DROOP, mechanism.recoils_once and channel.role == "recoil_displacement"),
         }
+        foreign = (
+            f"says nothing of a sensor of {channel.quantity.replace('_', ' ')}: is this the `sensor` table of "
+            "another channel? Compare its serial number with the certificate, or leave the key out"
+        )
         idle = _idle_keys(mechanism, channel, {one.role for _, one in channels})
+        if not channel.enters_estimate:
+            idle = dict.fromkeys((*OF_AN_ESTIMATE, *(() if channel.name in compared else ("u_delay_s",))), UNASKED)
+        if channel.role == "recoil_displacement" and channel.source in by_forces:
+            idle = {"u_delay_s": FOUND_WITH_THE_CLOCK}
+        problems = {**idle, **dict.fromkeys((key for key, one in of_others.items() if one), foreign)}
         found += [
-            Fault((*where, "sensor", key), problem, FaultCode.UNUSUAL) for key, problem in idle.items() if key in stated
-        ]
-        found += [
-            Fault(
-                (*where, "sensor", key),
-                f"says nothing of a sensor of {channel.quantity.replace('_', ' ')}: is this the `sensor` table of "
-                "another channel? Compare its serial number with the certificate, or leave the key out",
-                FaultCode.UNUSUAL,
-            )
-            for key, foreign in of_others.items()
-            if foreign and key in stated
+            Fault((*where, "sensor", key), problem, FaultCode.UNUSUAL)
+            for key, problem in problems.items()
+            if key in channel.sensor.model_fields_set
         ]
     return found
 
@@ -142,6 +153,18 @@ def _idle_keys(mechanism: Mechanism, channel: ChannelSpec, roles: Collection[str
     return idle
 
 
+OF_A_DROOP = ("time_constant_s", "u_time_constant_s")
+"""Keys of what drains, as charge does: no camera."""
+OF_AN_ESTIMATE = ("u_gain", "u_zero_rel", "u_time_constant_s")
+"""Keys that estimates read, beside ``u_rel``, which a certificate states of any sensor."""
+UNASKED = (
+    "changes nothing: no estimate reads a channel without a role; give the channel the role that it has, or leave the "
+    "key out"
+)
+FOUND_WITH_THE_CLOCK = (
+    "changes nothing: the clock is aligned by the forces, and what the channel is late by is found with its offset; "
+    "leave it out"
+)
 TURNING = ("acceleration", "angular_rate", "angular_acceleration")
 """Quantities whose sensors' zeros a gun's rest before the shot tells."""
 PLACED = (*TURNING, "displacement", "velocity")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -22,6 +23,7 @@ from recoil_identification.rows.causes import (
     DISTORTIONS,
     SKEW,
     Cause,
+    carriage_part_causes,
     causes_of,
     moving_zero,
 )
@@ -30,13 +32,17 @@ from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE, ZERO
 from recoil_identification.rows.unread_resistance import FORCE, SHARE, SLIDE, force_shapes, shape_of_force
 from recoil_identification.shot.identified import Identification
 from recoil_identification.shot.preparation import Prepared, prepare
+from recoil_processing.double_integral import integrate
 from recoil_processing.filters import LowPass
+from recoil_processing.gaps import bridge
 from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.error_source import ErrorSource, SourceGroup, SourceKind
 from recoil_processing.shot.gauge_zero import MOVES_S, zero_moves
+from recoil_processing.shot.kinematics import angular_motion, seen_acceleration
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.sensor_scales import BORE_FRICTION, scale_uncertainty
-from recoil_processing.shot.signals import Offset
+from recoil_processing.shot.signals import Offset, Signals
+from recoil_rigs.rig import parse_rig
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.force_input import AREAS
 from tests.builders.bench_shots import (
@@ -432,10 +438,15 @@ def test_the_brakes_gauge_may_be_late_by_what_is_declared_of_it(declared: dict[s
     assert not cause.acceleration_m_s2.any()
 
 
-@pytest.mark.parametrize("name", ["p_breech", "acc"])
-def test_the_skew_is_as_uncertain_as_is_declared_of_the_first_force_and_of_the_motion(name: str) -> None:
+@pytest.mark.parametrize(("name", "u_skew_s", "u_first_s"), [("p_breech", 5e-5, 3e-4), ("acc", 3.0414e-4, None)])
+def test_skew_and_the_first_forces_delay_are_as_uncertain_as_is_declared(
+    name: str, u_skew_s: float, u_first_s: float | None
+) -> None:
     declared = bench_rig(**{name: "delay_s = 1e-3, u_delay_s = 3e-4"})
-    assert of_bench(rig=declared)[SKEW].u == pytest.approx(math.hypot(5e-5, 3e-4))
+    found = of_bench(rig=declared)
+    assert found[SKEW].u == pytest.approx(u_skew_s, rel=1e-4)
+    first = found.get(ErrorSource(SourceKind.DELAY, "breech_pressure"))
+    assert (first and first.u) == u_first_s
     shot = bench_shot()
     base = TimeBase.uniform("late", 0.0, 5e-5, bench().times_s.size)
     shot = replace(
@@ -445,6 +456,32 @@ def test_the_skew_is_as_uncertain_as_is_declared_of_the_first_force_and_of_the_m
     )
     # alone on a clock of its own, whose alignment knows the delay
     assert of_bench(rig=declared, shot=shot)[SKEW].u == 5e-5
+
+
+@pytest.mark.whole_way
+@pytest.mark.parametrize("role", ["carriage_acceleration_x", "tipping_rate"])
+def test_a_carriages_sensor_that_is_late_adds_what_its_late_reading_would(role: str) -> None:
+    virtual = virtual_shot("field-2013")
+    channel, late_s = virtual.shot.by_role(role).name, 1e-3
+    text = re.sub(
+        rf'(name = "{channel}"\n.*?sensor = {{)', rf"\1 u_delay_s = {late_s},", virtual.rig.text, flags=re.DOTALL
+    )
+    fired = FiredShot(virtual.shot, parse_rig(text, virtual.rig.path))
+    known = prepare(fired)
+    (cause,) = carriage_part_causes(known.recorded, known.signals, fired)
+    assert (cause.source, cause.u, cause.scope) == (ErrorSource(SourceKind.DELAY, role), late_s, "rig")
+
+    def travel_m(signals: Signals) -> np.ndarray:
+        seen = seen_acceleration(signals, fired.rig, angular_motion(signals, fired.rig))
+        return integrate(integrate(known.recorded.released * seen, signals.step_s), signals.step_s)
+
+    signals = known.signals
+    reading = np.roll(bridge(signals.series[role]), round(late_s / signals.step_s))
+    late = travel_m(replace(signals, series={**signals.series, role: reading}))
+    added = late_s * integrate(integrate(cause.travel_m_s2, signals.step_s), signals.step_s)
+    expected = (late - travel_m(signals))[known.recorded.inside]
+    assert np.abs(expected).max() > 1e-6
+    np.testing.assert_allclose(added[known.recorded.inside], expected, atol=0.1 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(("late", "counts"), [(("p_brake",), False), (("p_brake", "p_recuperator"), True)])

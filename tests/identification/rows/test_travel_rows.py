@@ -9,8 +9,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from recoil_identification.calibration.calibration import Calibration, all_unknowns, calibration_of
+from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.noise_in_motion import travel_with_noise
+from recoil_identification.calibration.solution import all_unknowns, calibration_of
 from recoil_identification.inference.block import JointBlock
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows.equation_of_motion import CAMERA, EquationOfMotion

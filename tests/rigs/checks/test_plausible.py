@@ -84,6 +84,31 @@ def test_usual_rigs_have_no_warning() -> None:
     assert [load_rig(name).warnings for name in ("mixed", "field-2013")] == [(), ()]
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "warning"),
+    [
+        ("u_distortion_m = 1e-4", "u_zero_rel = 0.1", "u_zero_rel: says nothing of a sensor of displacement"),
+        ("u_distortion_m = 1e-4", "time_constant_s = 3.0", "time_constant_s: says nothing of a sensor of displacement"),
+        ('serial = "V104",', 'serial = "V104", u_gain = 0.1,', "u_gain: changes nothing: no estimate reads a channel"),
+        (
+            'align = { method = "motion", against = "acc_recoil" }',
+            'align = { method = "motion", against = "p_breech" }',
+            "x_camera'.sensor.u_delay_s: changes nothing: the clock is aligned by the forces",
+        ),
+    ],
+)
+def test_an_uncertainty_on_which_nothing_hangs_is_said_to_change_nothing(old: str, new: str, warning: str) -> None:
+    rig = load_rig("mixed")
+    text = rig.text.replace('serial = "V401",', 'serial = "V401", u_delay_s = 1e-3,').replace(old, new)
+    assert any(warning in str(fault) for fault in parse_rig(text, rig.path, rig.databases).warnings)
+
+
+def test_the_delay_of_what_aligns_a_clock_is_no_idle_key() -> None:
+    rig = load_rig("mixed")
+    text = rig.text.replace('serial = "V104",', 'serial = "V104", u_delay_s = 1e-3,')
+    assert parse_rig(text, rig.path, rig.databases).warnings == ()
+
+
 def test_a_shot_that_was_recorded_with_such_a_value_is_read_in_doubt() -> None:
     rig = load_rig("mixed")
     text = rig.text.replace("phi10 = 0.02", "phi10 = 1.0")

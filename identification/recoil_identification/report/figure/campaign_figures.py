@@ -19,6 +19,7 @@ from recoil_identification.campaign.charts import (
     SETTLED_POINTS,
     IndividualsChart,
 )
+from recoil_identification.campaign.mechanisms import UNNAMED
 from recoil_identification.campaign.overlay import Overlay
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure.figure import Figure, HorizontalLine, Panel, Span, Trace
@@ -53,13 +54,15 @@ def group_name(group: Group) -> str:
     """Say how the mechanism was built for some shots.
 
     >>> group_name(("", 120.0))
-    'as built + 120 kg'
+    '120 kg added'
+    >>> group_name(("long barrel", -12.5))
+    'long barrel, 12.5 kg taken off'
     """
     configuration, added_kg = group
-    built = configuration or "as built"
     if not added_kg:
-        return built
-    return f"{built} {'+' if added_kg > 0 else '-'} {abs(added_kg):g} kg"
+        return configuration or UNNAMED
+    added = f"{abs(added_kg):g} kg {'added' if added_kg > 0 else 'taken off'}"
+    return f"{configuration}, {added}" if configuration else added
 
 
 def _group(used: Used) -> Group:

@@ -18,6 +18,7 @@ from recoil_acquisition.measured import measured, worded
 from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.rounding import in_unit, rounded, significant
+from recoil_identification.rows.unread_resistance import together
 from recoil_identification.targets.forces.figures import force_figures
 from recoil_identification.targets.forces.force_peak import ForcePeak, find_peak
 from recoil_identification.targets.forces.force_record import force_record
@@ -193,13 +194,15 @@ def _table(differences: tuple[Quantity, ...]) -> Table:
 
 def _budget(found: MotionForce, peak: ForcePeak) -> Table:
     i, step = peak.index, float(found.times_s[1] - found.times_s[0])
-    rows = [("noise, stress waves, scales of accelerometer and camera", peak.u_force_n, peak.u_impulse_n_s)]
-    rows += [(c, float(abs(e[i])), abs(step * float(e[found.free].sum()))) for c, e in found.systematic_n.items()]
+    rows = {"noise, stress waves, scales of accelerometer and camera": (peak.u_force_n, peak.u_impulse_n_s)}
+    for cause, error in found.systematic_n.items():
+        at_peak, impulse = rows.get(named := together(cause), (0.0, 0.0))
+        rows[named] = math.hypot(at_peak, error[i]), math.hypot(impulse, step * float(error[found.free].sum()))
     return Table(
         "What the uncertainty is made of",
         "Standard uncertainties of peak and impulse by Kalman input estimation, by cause.",
         ("cause", "peak, N", "impulse, N s"),
-        tuple((cause, significant(a, 2), significant(b, 2)) for cause, a, b in rows),
+        tuple((cause, significant(a, 2), significant(b, 2)) for cause, (a, b) in rows.items()),
     )
 
 

@@ -21,7 +21,7 @@ from recoil_acquisition.shot.shot import ClockAlignment, Shot
 from recoil_identification.rows.causes import Cause, moving_zero, u_delay_s
 from recoil_identification.rows.late_readings import ROLE as BREECH
 from recoil_identification.rows.late_readings import settled_by_late_readings
-from recoil_identification.rows.unread_resistance import FORCE, SHARE
+from recoil_identification.rows.unread_resistance import unread_causes
 from recoil_identification.shot.stress_waves import U_ONSET_SAMPLES
 from recoil_identification.targets.forces.measured_force import U_FREE_CLOCK_S, MeasuredForce, TrackedTravel
 from recoil_processing.double_integral import integrate
@@ -38,6 +38,8 @@ from recoil_processing.shot.kinematics import (
 )
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.projectile import breech_force_on_body_n
+from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.release import end_of_travel
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import Signals, at_instants, collect_signals
 from recoil_processing.stress_waves.ringing import Mode
@@ -142,7 +144,8 @@ def force_record(fired: FiredShot) -> ForceRecord:
     read_of = 1.0 + m.unread_share
     gauges = {role: bridge(signals.series[role]) * getattr(m, area) * read_of for role, area in RESISTANCE}
     moving = times >= onset
-    speed = integrate(moving * bridge(travel_acceleration(signals, fired.rig, motion)), signals.step_s)
+    travelling = moving * bridge(travel_acceleration(signals, fired.rig, motion))
+    speed = integrate(travelling, signals.step_s)
     parts = {
         "brake": gauges["brake_pressure"],
         "recuperator": gauges["recuperator_pressure"],
@@ -197,7 +200,7 @@ def force_record(fired: FiredShot) -> ForceRecord:
         onset_s=onset,
         held_n=held,
         parts_n={name: part[window] for name, part in parts.items()},
-        systematic_n=_systematic(signals, fired, gauges, smooth, onset, window),
+        systematic_n=_systematic(signals, fired, gauges, parts["friction"], travelling, smooth, onset, window),
         gauge_n=by_gauge,
         u_gauge=0.0 if gauge is None else scale_uncertainty(fired.rig).gauges[0],
         gauge_zero_n=gauge_zero_n,
@@ -262,7 +265,14 @@ def _tracked(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Trac
 
 
 def _systematic(
-    signals: Signals, fired: FiredShot, gauges: Mapping[str, Array], smooth: Array, onset_s: float, window: slice
+    signals: Signals,
+    fired: FiredShot,
+    gauges: Mapping[str, Array],
+    friction: Array,
+    travelling: Array,
+    smooth: Array,
+    onset_s: float,
+    window: slice,
 ) -> dict[str, Array]:
     """Return what each cause that the motion cannot tell adds to the force, shape (n,) each."""
     m, specification = fired.rig.mechanism, fired.rig.specification
@@ -288,9 +298,23 @@ def _systematic(
         if channel is not None:
             slow = LowPass(min(GUESS_CUTOFF_HZ, 0.1 * signals.rate_hz)).apply(force, signals.rate_hz)
             causes[f"{role} clock"] = u_s * np.gradient(slow, signals.step_s)
-    read = np.sum(list(gauges.values()), axis=0)
-    causes[SHARE] = m.u.get("unread_share", 0.0) * read
-    causes[FORCE] = m.unread_force * float(np.nanmax(np.abs(read), initial=0.0)) * free
+    # as the mass takes it, of a motion whose breech force is not asked for
+    resisting = [*(-gauges[role] for role, _ in RESISTANCE), -friction]
+    moving = Regression(
+        times_s=signals.times_s,
+        step_s=signals.step_s,
+        acceleration_m_s2=travelling,
+        forces_n=np.column_stack([np.zeros(free.size), *resisting]) * free[:, np.newaxis],
+        released=free,
+        friction_direction=-free,
+        release_per_s=np.zeros(free.size),
+        trusted=np.ones(free.size, dtype=np.bool_),
+        interval_s=(onset_s, end_of_travel(signals.times_s, integrate(travelling, signals.step_s), onset_s)),
+        release_n_s=0.0,
+        u_release_n_s=0.0,
+    )
+    for unread in unread_causes(moving, moving, m, travelling):
+        causes[unread.source] = unread.u * unread.forces_n.sum(axis=1)
     causes["packing friction"] = m.u.get("friction", 0.0) * free
     for source, left in signals.left.items():
         factor = specification.mass_kg if source.of == "recoil_acceleration" else dict(RESISTANCE).get(source.of)

@@ -18,7 +18,7 @@ from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.rounding import in_unit, rounded, significant
-from recoil_identification.rows.unread_resistance import FORCE as UNREAD_FORCE
+from recoil_identification.rows.unread_resistance import together
 from recoil_identification.shot.identified import Identification
 from recoil_identification.targets.resistance.figures import resistance_figures
 from recoil_identification.targets.resistance.packing_friction import Friction, packing_friction
@@ -34,7 +34,6 @@ from recoil_identification.targets.resistance.shot_balance import (
 )
 from recoil_identification.targets.target import Case
 from recoil_identification.targets.target_result import Quantity, Series, Table, TargetResult
-from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_rigs.mechanism.model import Mechanism
 
@@ -215,7 +214,7 @@ def _budget(parts: _Parts) -> Table:
     last = parts.record.times_s.size - 1
     left: dict[str, tuple[float, float]] = {}
     for cause in parts.energy.errors:
-        named = _together(cause)
+        named = together(cause)
         energy, momentum = left.get(named, (0.0, 0.0))
         of_one = float(parts.energy.errors[cause][last]), float(parts.momentum.errors[cause][last])
         left[named] = math.hypot(energy, of_one[0]), math.hypot(momentum, of_one[1])
@@ -230,15 +229,6 @@ def _budget(parts: _Parts) -> Table:
         ("cause", "energy, J", "momentum, N s"),
         rows,
     )
-
-
-def _together(cause: str) -> str:
-    """Return the name of the row of a cause: shapes of one force that no gauge reads, or of one zero, have one."""
-    if not isinstance(cause, ErrorSource):
-        return cause
-    if cause.kind is SourceKind.UNREAD_SHAPE:
-        return UNREAD_FORCE
-    return f"{cause.of} zero that moves" if cause.kind is SourceKind.MOVING_ZERO else cause
 
 
 def _reasons(parts: _Parts, points: Sequence[BalancePoint]) -> tuple[Reason, ...]:

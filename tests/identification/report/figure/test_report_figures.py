@@ -168,7 +168,7 @@ def test_symbols_of_legends_are_explained_in_the_captions():
 def test_names_of_stretches_beside_one_another_stand_at_the_top_where_no_point_is() -> None:
     """A name at the foot lay over a point of the campaign's masses."""
     x = np.arange(4.0)
-    spans = (Span("as built", -0.46, 1.46), Span("as built + 120 kg", 1.54, 3.46), Span("over both", -0.4, 3.0))
+    spans = (Span("as built", -0.46, 1.46), Span("120 kg added", 1.54, 3.46), Span("over both", -0.4, 3.0))
     points = Trace("mass", x, x, "points", "kg")
     for several, places in ((spans[:2], ["top left"] * 2), (spans, ["top left", "top left", "bottom left"])):
         figure = Figure("mass", "t", "c", "shot", (Panel("mass, kg", (points,), spans=several),), shown=(-0.6, 4.0))

@@ -167,7 +167,7 @@ def test_masses_are_grouped_by_what_was_added_and_stand_without_it():
     mass = drawn(page)["mass"]
     assert mass["layout"]["xaxis"]["ticktext"] == ["0001", "0003", "0005", "0007", "0002", "0004", "0006", "0008"]
     labels = [one["label"]["text"] for one in mass["layout"]["shapes"] if one.get("label")]
-    assert labels == ["as built", "as built + 120 kg"]
+    assert labels == ["as built", "120 kg added"]
     order = sorted(document["shots"], key=lambda one: (one["added_mass_kg"], one["shot"]))
     own = trace(mass, "without the sensors' errors, own scatter 95 %")
     expected = [one["own_mass_kg"] - one["added_mass_kg"] for one in order]
@@ -279,7 +279,7 @@ def test_each_of_a_few_shots_is_a_line_named_after_it_and_of_its_group():
     _, page = page_of(shots, curves=curves)
     figure = drawn(page)["curves"]
     assert len(figure["data"]) == 3 * 6
-    assert [one["name"] for one in figure["data"] if one["showlegend"]] == ["as built", "as built + 120 kg"]
+    assert [one["name"] for one in figure["data"] if one["showlegend"]] == ["as built", "120 kg added"]
     assert "<extra>shot 0002</extra>" in figure["data"][1]["hovertemplate"]
     np.testing.assert_allclose(figure["data"][5]["y"], 1e-6 * curves_of(5).values[CURVES[0]], atol=1e-10)
     assert "2 shots have no curves" in PageElements(page).text
@@ -300,7 +300,13 @@ def test_of_many_shots_all_lie_in_the_envelope_and_those_that_stand_out_are_line
     assert overlay(()) is None
 
 
-@pytest.mark.parametrize(("group", "name"), [(("", 0.0), "as built"), (("short", -3.5), "short - 3.5 kg")])
+@pytest.mark.parametrize(
+    ("group", "name"),
+    [
+        (("", 0.0), "as built"), (("", 120.0), "120 kg added"), (("short", 0.0), "short"),
+        (("short", -3.5), "short, 3.5 kg taken off"),
+    ],
+)  # fmt: skip
 def test_groups_have_names(group, name):
     assert group_name(group) == name
 

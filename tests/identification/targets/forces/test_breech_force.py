@@ -8,6 +8,8 @@ import pytest
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot.quality_check import Check, QualityCheck
+from recoil_identification.rows.unread_resistance import SHARE, SLIDE, shape_of_force, unread_causes
+from recoil_identification.shot.preparation import prepare
 from recoil_identification.targets import target_function
 from recoil_identification.targets.forces.force_record import force_record
 from recoil_identification.targets.target import Case
@@ -118,3 +120,22 @@ def test_slides_that_the_rig_states_take_their_part_of_the_breech_force():
         more = getattr(held, name)[:n] - getattr(plain, name)[:n]
         np.testing.assert_allclose(more, slower, atol=0.03 * slower.max())
     assert slower.max() > 500.0
+
+
+@pytest.mark.whole_way
+def test_what_no_gauge_reads_is_known_as_the_mass_knows_it():
+    virtual = virtual_shot("mixed", kind=False)
+    mechanism = virtual.rig.mechanism
+    rig = replace(virtual.rig, mechanism=replace(mechanism, u=dict(mechanism.u) | {"slide_friction": 20.0}))
+    fired = FiredShot(virtual.shot, rig)
+    record, recorded = force_record(fired), prepare(fired).recorded
+    of_mass = unread_causes(recorded, recorded, rig.mechanism, recorded.acceleration_m_s2)
+    assert {SHARE, SLIDE, shape_of_force(0)} < {cause.source for cause in of_mass}
+    times = record.measured.times_s
+    expected = [np.interp(times, recorded.times_s, one.u * one.forces_n.sum(axis=1)) for one in of_mass]
+    # one stands on a travel that turns with the carriage, and both on a release that is as exact as a sample or two
+    later = times > recorded.times_s[recorded.released > 0][0] + 2e-4
+    u_n, u_of_mass_n = (np.sqrt(np.sum(np.square(errors), axis=0))[later] for errors in (
+        [record.systematic_n[one.source] for one in of_mass], expected,
+    ))  # fmt: skip
+    np.testing.assert_allclose(u_n, u_of_mass_n, atol=0.03 * u_of_mass_n.max())
