@@ -44,7 +44,7 @@ def ln_odds_of_change(ln_bayes_factors: Array) -> Array:
 
 
 def found_size(scores: Scores, sd: Array, change: int) -> float:
-    """Return the size of a change of the mass, a share of it, that is found in `FOUND` of shots; infinite where none is.
+    """Return which share of the mass must change to be found in `FOUND` of shots; infinite where none is.
 
     The scores are of changes of its logarithm: a mass that falls has to fall by less.
 
@@ -88,7 +88,7 @@ def could_hide_text(sizes_percent: Mapping[str, float], of: str) -> str:
     sizes_percent
         Size of a ``drift`` and a ``step`` that are, percent of the mass; of more than all of it none is.
     of
-        What is twenty: ``shots``, ``campaigns``.
+        Plural of what is counted: ``shots``, ``campaigns``.
     """
     ways = {"drift": "over the travel", "step": "at once"}
     told = [f"{size:.2g} % {ways[kind]}" for kind, size in sizes_percent.items() if size < 100.0]

@@ -58,7 +58,7 @@ from tests.builders.bench_shots import (
 from tests.builders.virtual_shots import identified, virtual_shot
 
 BRAKE_DELAY = ErrorSource(SourceKind.DELAY, "brake_pressure")
-RECUPERATOR_DELAY = ErrorSource(SourceKind.DELAY, "recuperator_pressure")
+RECUPERATOR_DELAY = ErrorSource(SourceKind.LINE, "recuperator_pressure")
 
 RIGS = ["field-2013", "mixed"]
 MOVING = 0.001
