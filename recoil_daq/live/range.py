@@ -362,7 +362,7 @@ class LiveRange:
             self._begin(session, window)
         if not self._gone:
             self._files.take(self._shots, recording=session.recording, at_once=True)
-        while (self._masses_to_come or self._overviews.pending or any(map(self._to_come, self._shots))) and not self._given_up():
+        while (self._work_to_come or any(map(self._to_come, self._shots))) and not self._given_up():
             if self._failed(session) and self._gone:
                 break
             self._look(session, 0.02)
@@ -475,8 +475,8 @@ class LiveRange:
             self._masses.forget(shot)
 
     @property
-    def _masses_to_come(self) -> bool:
-        return self._masses is not None and self._masses.pending
+    def _work_to_come(self) -> bool:
+        return self._overviews.pending or (self._masses is not None and self._masses.pending)
 
     def _begin(self, session: LiveSession, window: ShotWindow) -> None:
         """Make a shot of a window, unless it is what a trigger at rest fired at."""

@@ -196,7 +196,7 @@ def _instants(shot: Shot, channel: Channel) -> tuple[Array, bool]:
 
 
 def _zero_s(shot: Shot) -> float | None:
-    """Return the onset of force on the reference clock, by which shots are laid over one another; None if none shows."""
+    """Return the onset of force on the reference clock, where shots are laid together; None if none shows."""
     for role in ("breech_pressure", "recoil_acceleration"):
         channel = shot.by_role(role)
         if channel is None or channel.time_base.clock != shot.reference_clock:
