@@ -59,7 +59,7 @@
     const key = JSON.stringify(what);
     if (made.get(id) === key) return;
     made.set(id, key);
-    of(id).replaceChildren(...make(what));
+    of(id).replaceChildren(...make(what).map((one) => (one instanceof Node ? one : visible(one))));
   };
   const say = (id, text, hidden = !text) => {
     const shown = visible(text);

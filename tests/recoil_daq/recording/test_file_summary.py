@@ -53,7 +53,9 @@ def test_formats_lists_every_reader_with_what_it_needs(run):
 
 def test_every_extra_is_a_reader_s_or_a_command_s_and_pip_knows_it():
     needed = {reader.extra for reader in READERS if isinstance(reader, TableReader) and reader.extra is not None}
-    assert set(EXTRAS.values()) == {*needed, MDF, CLUSTER, PDF, SERVE}, "MDF 4 is written by its library, and read without it"
+    assert set(EXTRAS.values()) == {*needed, MDF, CLUSTER, PDF, SERVE}, (
+        "MDF 4 is written by its library, and read without it"
+    )
     project = tomllib.loads((Path(__file__).resolve().parents[3] / "pyproject.toml").read_text("utf-8"))["project"]
     for name, extra in EXTRAS.items():
         assert [one.split(" ")[0] for one in project["optional-dependencies"][name]] == [extra.requirement]
