@@ -92,8 +92,8 @@
     of("state").textContent = WORDS[state.state] ?? visible(state.state).toUpperCase();
     of("now").dataset.state = state.state;
     say("next", state.next_shot); of("next").parentElement.hidden = state.state === "stopped";
-    say("alert", state.alert);
     const step = state.next_step;
+    say("alert", state.alert, !state.alert || state.alert === step.text);
     of("step").dataset.kind = step.kind;
     fill("step", step.text, (text) => [element("span", {}, "Next: "), text]);
     fill("sources", state.sources.map((one) => [one.name, ...sourceState(one), one.losses ?? "", one.growing, one.left_s == null ? null : Math.round(one.left_s)]),

@@ -188,13 +188,13 @@ def test_a_page_of_a_session_that_died_long_ago_is_stale_from_the_first_on(shown
 
 
 def test_names_and_notes_are_text_whatever_they_hold(shown: Shown, browser: Any) -> None:
+    invalid = {**WITH_MASS, "valid": False, "reason": HOSTILE}
     hostile = Written(
         day(
             rig=HOSTILE, next_shot=HOSTILE, alert=HOSTILE, cautions=(HOSTILE,),
             sources=tuple(replace(one, name=HOSTILE, last_file=HOSTILE) for one in SOURCES),
             shots=tuple(
-                replace(shot, name=HOSTILE, why=HOSTILE, mass={**WITH_MASS, "valid": False, "reason": HOSTILE})
-                for shot in STATE.state.shots
+                replace(shot, name=HOSTILE, why=HOSTILE, mass=invalid, overview="") for shot in STATE.state.shots
             ),
             notices=tuple(replace(one, text=HOSTILE) for one in STATE.state.notices),
         )
@@ -202,7 +202,7 @@ def test_names_and_notes_are_text_whatever_they_hold(shown: Shown, browser: Any)
     told(browser)
     hostile.write_to(shown.folder)
     browser.get(pages(shown)[1])
-    until(browser, shows("alert", "<img src=x"), 2.0)
+    until(browser, shows("step", "<img src=x"), 2.0)
     assert browser.execute_script("return [window.owned ?? null, document.querySelectorAll('img').length]") == [None, 0]
     assert "\u202e" not in browser.execute_script("return document.body.innerText")
     assert "\\u202e" in browser.execute_script("return document.body.innerText")
