@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import signal
 import socket
 import subprocess
@@ -19,7 +21,7 @@ from recoil_acquisition.errors import ReadError
 from recoil_daq.serving.page_server import bound, require_server
 from tests.builders.state_writer import STATE
 
-READERS = 200
+READERS, VIEWERS = 200, 5
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +93,25 @@ def test_what_is_no_request_is_refused_and_the_next_one_answered(served, sent: b
 
 
 @pytest.mark.real_time
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+def test_five_viewers_cost_little(served) -> None:
+    address, _, process = served
+    began, used = time.monotonic(), _cpu_s(process.pid)
+    while time.monotonic() - began < 4.0:
+        for _ in range(VIEWERS):
+            read(f"{address}live.js?x")
+        time.sleep(1.0)
+    share = (_cpu_s(process.pid) - used) / (time.monotonic() - began)
+    print(f"\nfive viewers: {100 * share:.2f} % of a core")
+    assert share < 0.02
+
+
+def _cpu_s(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@pytest.mark.real_time
 def test_nothing_is_printed_but_the_address(served) -> None:
     address, _, process = served
     with pytest.raises(urllib.error.HTTPError, match="404"):
@@ -109,6 +130,21 @@ def test_a_machine_without_the_server_is_told_how_to_install_it(monkeypatch: pyt
     monkeypatch.setitem(sys.modules, "uvicorn", None)
     with pytest.raises(ReadError, match="pip install 'uvicorn"):
         require_server()
+
+
+@pytest.mark.real_time
+def test_a_program_gets_the_address_as_a_document(tmp_path: Path) -> None:
+    command = [sys.executable, "-P", "-m", "recoil_daq.cli", "serve", str(tmp_path), "--port", "0", "--json"]
+    with subprocess.Popen(
+        [*command, "--listen", "0.0.0.0"],
+        stdout=subprocess.PIPE,
+        encoding="utf-8",  # noqa: S104 - with a token
+    ) as process:
+        assert process.stdout is not None
+        told = json.loads(process.stdout.readline())
+        process.terminate()
+    assert told["schema"] == "recoil-daq/serve/1"
+    assert re.fullmatch(r"http://\S+:\d+/\?token=[\w-]{22}", told["address"])
 
 
 def test_a_folder_that_is_not_there_is_refused_in_one_line(run, tmp_path: Path) -> None:
