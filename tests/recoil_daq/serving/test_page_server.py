@@ -138,7 +138,7 @@ def test_a_program_gets_the_address_as_a_document(tmp_path: Path) -> None:
     with subprocess.Popen(
         [*command, "--listen", "0.0.0.0"],
         stdout=subprocess.PIPE,
-        encoding="utf-8",  # noqa: S104 - with a token
+        encoding="utf-8",
     ) as process:
         assert process.stdout is not None
         told = json.loads(process.stdout.readline())
