@@ -87,6 +87,7 @@
   };
 
   const render = () => {
+    Curves.choose(state.units);
     say("rig", state.rig); of("virtual").hidden = !state.virtual;
     say("utc", clock(state.utc));
     of("state").textContent = WORDS[state.state] ?? visible(state.state).toUpperCase();
@@ -135,7 +136,7 @@
     const found = text ? `${text.value} ± ${text.half}` + (shot.mass.valid ? shot.provisional ? " provisional" : "" : " NOT VALID") : shot.mass_to_come ? "to come" : "";
     const cell = (head, name, ...inside) => element("td", { class: name, "data-h": head }, ...inside);
     return element("tr", {}, cell("", "name", shot.shot),
-      cell("", "", element("span", { class: "chip " + { ok: "ok", doubt: "warn", bad: "", way: "way" }[kind(shot)] }, word(shot)), shot.why && shot.state !== "usable" ? ` ${shot.why}` : ""),
+      cell("", "", element("span", { class: "chip " + { ok: "ok", doubt: "warn", bad: "", way: "way" }[kind(shot)] }, word(shot)), shot.excluded ? ` excluded: ${shot.excluded}` : shot.why && shot.state !== "usable" ? ` ${shot.why}` : ""),
       cell("Peak", "n", figure("breech", "drive")), cell("Stroke", "n", figure("stroke")), cell("v max", "n", figure("v max")), cell("Mass, kg", "n", found),
       cell("", "", shot.mass ? element("a", { href: report(shot) }, "report") : ""));
   };

@@ -11,6 +11,7 @@ import pytest
 
 from recoil_acquisition.capture.status import ChannelStatus
 from recoil_daq.live import range_states
+from recoil_daq.live.range_state import NOT_UNDERSTOOD_S
 from recoil_daq.live.range_states import RangeStates
 from recoil_daq.live.shot import LiveOptions
 from recoil_rigs.rig import load_rig
@@ -44,12 +45,12 @@ def looked(made: RangeStates, channels: tuple[ChannelStatus, ...], **changes: An
 def test_a_source_whose_bytes_have_long_made_no_sample_is_not_understood(tmp_path: Path, clock: Any) -> None:
     made = states(tmp_path)
     assert looked(made, (BRAKE, SILENT)) == {"can": "live", "imu": "live"}
-    clock.s += 1.9
+    clock.s += NOT_UNDERSTOOD_S - 0.1
     assert looked(made, (BRAKE, SILENT)) == {"can": "live", "imu": "live"}
     clock.s += 0.2
     assert looked(made, (BRAKE, SILENT)) == {"can": "live", "imu": "not understood"}
     assert looked(made, (BRAKE, SILENT), age_s=3.0) == {"can": "live", "imu": "silent"}
     # one good sample of any of its channels is enough
     assert looked(made, (BRAKE, replace(SILENT, level=BRAKE.level)))["imu"] == "live"
-    clock.s += 1.9
+    clock.s += NOT_UNDERSTOOD_S - 0.1
     assert looked(made, (BRAKE, SILENT))["imu"] == "live"

@@ -210,6 +210,16 @@ def test_names_and_notes_are_text_whatever_they_hold(shown: Shown, browser: Any)
     assert told(browser) == []
 
 
+def test_figures_are_in_the_units_that_the_rig_chose(shown: Shown, browser: Any) -> None:
+    browser.get(pages(shown)[0])
+    script = (
+        "Curves.choose(arguments[0]); return [Curves.engineering(131.4e6, 'Pa', 4), Curves.engineering(0.822, 'm')]"
+    )
+    bar = [{"quantity": "pressure", "unit": "bar", "si_per_unit": 1e5}]
+    assert browser.execute_script(script, bar) == ["1314 bar", "822 mm"]
+    assert browser.execute_script(script, []) == ["131.4 MPa", "822 mm"]
+
+
 def test_what_is_wrong_is_said_in_three_states_of_a_source(shown: Shown, browser: Any) -> None:
     states = ("live", "not understood", "lost", "silent")
     wrong = Written(replace(STATE.state, sources=tuple(replace(SOURCES[1], name=one, state=one) for one in states)))

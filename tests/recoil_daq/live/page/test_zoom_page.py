@@ -62,6 +62,14 @@ def test_any_channels_of_any_shots_are_laid_over_one_another(folder: Path, brows
     assert told(browser) == []
 
 
+def test_a_channel_may_have_a_figure_of_its_own(folder: Path, browser: Any) -> None:
+    opened(browser, folder, "#0001,0002")
+    browser.execute_script("document.querySelector('input[value=channel]').click()")
+    chosen = browser.execute_script("return document.querySelectorAll('#channels input:checked').length")
+    until(browser, f"document.querySelectorAll('figure').length === {chosen}", 2.0)
+    assert browser.execute_script("return document.querySelectorAll('figcaption .label').length") == 2 * chosen
+
+
 def test_what_is_zoomed_far_is_every_sample(folder: Path, browser: Any) -> None:
     opened(browser, folder)
     until(browser, shows("detail", "stands for up to"), 2.0)
