@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from recoil_acquisition.errors import ErrorCode, ReadError
 from recoil_acquisition.packages.extras import SERVE
@@ -121,10 +122,11 @@ def served_beside(folder: Path, notice: Callable[[str], None]) -> Iterator[None]
     notice
         Function called with the address, or with why nothing is served.
     """
+    apart: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
     process = subprocess.Popen(  # noqa: S603 - this program itself, without a shell
         [sys.executable, "-P", "-m", "recoil_daq.cli", "serve", "--while-asked", "--", str(folder)],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, encoding="utf-8",
-        errors="replace", **({} if sys.platform == "win32" else {"process_group": 0}),
+        errors="replace", **apart,
     )  # fmt: skip
 
     def tell() -> None:
