@@ -104,7 +104,7 @@
         left == null ? "" : element("span", { class: "lost" }, `, ${left} s left`))));
     fill("cautions", state.cautions, (texts) => texts.map((text) => element("li", {}, text)));
     const last = state.shots.at(-1) ?? null;
-    fill("verdict", last && [last.shot, last.state, last.why, last.reasons, last.warnings, last.mass, last.mass_to_come, last.provisional], () => (last ? verdict(last) : []));
+    fill("verdict", last && [last.shot, last.state, last.why, last.reasons, last.warnings, last.mass, last.mass_to_come, last.provisional, step.text], () => (last ? verdict(last) : []));
     const newest = [...state.shots].reverse();
     fill("table", newest.map((one) => ({ ...one, left_s: null })), () => [element("thead", {}, heads()), element("tbody", {}, ...newest.map(row))]);
     fill("together", state.campaign, together);
@@ -124,7 +124,9 @@
     } else if (shot.mass_to_come) parts.push(element("div", { class: "mass to-come" }, "mass to come"));
     const why = [...(shot.mass && !shot.mass.valid ? [`mass not valid: ${shot.mass.reason}`] : []), ...(shot.reasons.length ? shot.reasons : shot.state === "usable" ? [] : [shot.why])].filter(Boolean);
     const more = why.length > 1 ? [element("details", {}, element("summary", {}, `${why.length - 1} more`), element("ul", { class: "notes" }, ...why.slice(1).map((text) => element("li", {}, text))))] : [];
-    if (why.length) parts.push(element("p", { class: "why " + kind(shot) }, why[0]), ...more);
+    // what the next step says is not said twice
+    if (why.length && !state.next_step.text.endsWith(why[0])) parts.push(element("p", { class: "why " + kind(shot) }, why[0]));
+    parts.push(...more);
     if (shot.warnings.length) parts.push(element("details", {}, element("summary", {}, `${shot.warnings.length} warning${shot.warnings.length > 1 ? "s" : ""}`), element("ul", { class: "notes" }, ...shot.warnings.map((text) => element("li", {}, text)))));
     return parts;
   };
