@@ -8,16 +8,14 @@
   of("page").hidden = false;
 
   // ---- age: never by the other computer's clock against this one, which may differ by hours
-  let state = null, utc = "", moved = false, offset = Infinity, looked = now(), seen = now(), lastArmed = -1;
+  let state = null, utc = "", moved = false, offset = Infinity, looked = now(), seen = now();
   const take = (read) => {
     const at = now();
     if (!read || typeof read !== "object" || read.schema !== "recoil-daq/live/1") return;
     const changed = read.utc !== utc;
     if (changed && utc) moved = true;
     if (changed) {
-      if (read.armed_s < lastArmed) offset = Infinity; // another session
-      lastArmed = read.armed_s;
-      // it was written since the last look, whatever the clocks say
+      // it was written since the last look, whatever the clocks say, and by whichever session
       offset = Math.max(Math.min(offset, at - 1000 * read.armed_s), looked - 1000 * read.armed_s);
       seen = Math.max(seen, utc ? 1000 * read.armed_s + offset : at);
       utc = read.utc; state = read;

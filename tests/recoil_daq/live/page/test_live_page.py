@@ -187,6 +187,18 @@ def test_a_page_of_a_session_that_died_long_ago_is_stale_from_the_first_on(shown
     until(browser, "document.documentElement.hasAttribute('data-stale')", 2.5)
 
 
+def test_another_session_in_the_folder_is_no_stale_one(shown: Shown, browser: Any) -> None:
+    for number in range(8):
+        STATE.write_to(shown.folder, armed_s=5000.0 + 0.2 * number)
+        if number == 0:
+            browser.get(pages(shown)[0])
+        time.sleep(0.2)
+    for number in range(20):
+        STATE.write_to(shown.folder, armed_s=0.2 * number)
+        assert not browser.execute_script("return document.documentElement.hasAttribute('data-stale')")
+        time.sleep(0.2)
+
+
 def test_names_and_notes_are_text_whatever_they_hold(shown: Shown, browser: Any) -> None:
     invalid = {**WITH_MASS, "valid": False, "reason": HOSTILE}
     hostile = Written(

@@ -7,14 +7,21 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from recoil_acquisition.store import read_shot
 from recoil_daq.live.page.page_files import write_pages
-from recoil_daq.recording.overview import refresh_overviews
+from recoil_daq.recording.overview import _pieces, refresh_overviews
 from tests.builders.driven_browser import DRIVEN, asked, driven, resize, shows, told, until
 
 pytestmark = [pytest.mark.real_time, DRIVEN]
+
+
+COLUMNS = """
+const [pieces, zero, from, span, width] = arguments, found = Curves.columns(pieces, zero, from, from + span, width);
+return [found.x, found.low, found.high];
+"""
 
 
 @pytest.fixture(scope="module")
@@ -108,6 +115,36 @@ def _origin(canvas: Any) -> Any:
     from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 
     return ScrollOrigin.from_element(canvas)
+
+
+@pytest.mark.parametrize(("count", "most"), [(300, 1_000), (5_000, 5_000), (60_000, 50_000), (60_000, 4_000)])
+@pytest.mark.parametrize("even", [True, False])
+def test_each_column_of_the_screen_holds_the_lowest_and_the_highest_of_its_samples(
+    folder: Path, browser: Any, count: int, most: int, even: bool
+) -> None:
+    opened(browser, folder)
+    random = np.random.default_rng(count)
+    steps_s = np.full(count, 1e-4) if even else random.uniform(0.5e-4, 1.5e-4, count)
+    times_s = 3.0 + np.cumsum(steps_s)
+    samples = random.normal(size=count).astype("f4")
+    samples[random.random(count) < 0.02] = np.nan
+    told_s = (_pieces(times_s, samples, most), times_s[0] + 0.1)
+    slack_s = 1e-3 + (0.0 if count <= 2 * most else 2e-4 * count / most)
+    for share in (1.0, 0.31, max(0.002, 20 / count)):
+        span_s = share * (times_s[-1] - times_s[0])
+        window = (random.uniform(0.0, (1 - share) * (times_s[-1] - times_s[0])) - 0.1, span_s, 400)
+        x, low, high = browser.execute_script(COLUMNS, *told_s, *window)
+        first_s, last_s = told_s[1] + window[0], told_s[1] + window[0] + span_s
+        inside = samples[(times_s >= first_s) & (times_s <= last_s) & np.isfinite(samples)]
+        around = samples[(times_s >= first_s - slack_s) & (times_s <= last_s + slack_s) & np.isfinite(samples)]
+        lowest, highest = (np.nanmin(np.array(low, float)), np.nanmax(np.array(high, float)))
+        assert around.min() <= lowest <= inside.min()
+        assert inside.max() <= highest <= around.max()
+        for at, least, greatest in list(zip(x, low, high, strict=True))[:: max(1, len(x) // 7)]:
+            near = np.abs((times_s - first_s) / span_s * 400 - at) <= 1.6 + slack_s / span_s * 400
+            if least is not None:
+                assert np.nanmin(samples[near]) <= least + 1e-6
+                assert greatest - 1e-6 <= np.nanmax(samples[near])
 
 
 @pytest.mark.parametrize("width", [700, 390])
