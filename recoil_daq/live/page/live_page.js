@@ -71,7 +71,7 @@
   const mass = (found) => {
     const [low, high] = found.U95, places = Math.max(1, 1 - Math.floor(Math.log10(found.u > 0 ? found.u : 1)));
     const text = (value) => (value == null ? "–" : value.toFixed(places));
-    return { value: text(found.value), half: text((high - low) / 2), low: text(low), high: text(high) };
+    return { value: text(found.value), half: text(low == null || high == null ? null : (high - low) / 2), low: text(low), high: text(high) };
   };
   const report = (shot) => `reports/${encodeURIComponent(shot.shot)}/report.html`;
 

@@ -69,9 +69,10 @@ def _mass_text(shot: Mapping[str, Any]) -> str:
     mass = shot["mass"]
     if mass is None:
         return ", mass to come" if shot["mass_to_come"] else ""
-    places, (low, high) = mass_decimals(mass["u"], 1), mass["U95"]
+    places = mass_decimals(mass["u"], 1)
+    value, low, high = ("-" if one is None else f"{one:.{places}f}" for one in (mass["value"], *mass["U95"]))
     valid = "VALID" if mass["valid"] else f"NOT VALID: {mass['reason']}"
-    return f", {mass['value']:.{places}f} kg, 95 % {low:.{places}f} to {high:.{places}f}, {valid}"
+    return f", {value} kg, 95 % {low} to {high}, {valid}"
 
 
 def replace_text(path: Path, text: str) -> None:
