@@ -15,6 +15,7 @@ from recoil_acquisition.files.new_file import partial_path
 SCRIPTS = "pages"
 """Folder of the scripts and of the style."""
 LIVE_PAGE, ZOOM_PAGE = "live.html", "zoom.html"
+_INDEX = "overviews/index.js"
 _TEXT = "<!-- the state as text -->"
 
 
@@ -32,6 +33,10 @@ def write_pages(out: Path) -> None:
         **{f"{SCRIPTS}/{name}": _own(name) for name in ("curves.js", "live_page.js", "zoom_page.js")},
         ZOOM_PAGE: _own("zoom.html"),
     }
+    index = out / _INDEX
+    if not index.exists():  # before the first shot: the page asks for it
+        index.parent.mkdir(exist_ok=True)
+        replace_text(index, "window.shots = [];\n")
     for name, text in wanted.items():
         path = out / name
         if not path.is_file() or path.read_bytes() != text.encode():

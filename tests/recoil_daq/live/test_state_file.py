@@ -12,7 +12,7 @@ from recoil_daq.live.state_file import StateFile
 from tests.builders.live_status import state_of, status
 from tests.builders.range_states import MASS, day, usable
 
-WRITTEN = {"live.json", "live.js", "live.html", "zoom.html", "pages"}
+WRITTEN = {"live.json", "live.js", "live.html", "zoom.html", "pages", "overviews"}
 
 
 def test_a_state_is_written_over_the_one_before_and_leaves_nothing_else(tmp_path: Path) -> None:

@@ -158,8 +158,8 @@ def test_it_has_room_on_a_telephone(folder: Path, browser: Any, width: int) -> N
 
 
 def test_a_folder_without_overviews_says_what_to_do(tmp_path: Path, browser: Any) -> None:
-    (tmp_path / "overviews").mkdir()
-    (tmp_path / "overviews/index.js").write_text("window.shots = [];\n", encoding="ascii")
     write_pages(tmp_path)
+    told(browser)
     browser.get((tmp_path / "zoom.html").as_uri())
     until(browser, shows("told", "recoil-daq serve DIR"), 3.0)
+    assert told(browser) == []
