@@ -94,24 +94,24 @@ def write_overview(shot: Shot, file: Path) -> str:
     return digest
 
 
-def write_filtered(out: Path, shot: str, document: Mapping[str, Any], curves: Path) -> None:
+def write_filtered(out: Path, shot: str, zero_s: float, times_s: Array, curves: Mapping[str, Array]) -> None:
     """Write the curves of a report for pages that are opened from a file.
 
     Parameters
     ----------
     out
         Folder of the shot files.
-    document
-        The report.
-    curves
-        Table of its curves, over the time after the onset of force.
+    zero_s
+        Onset of force on the reference clock.
+    times_s : ndarray, shape (n,)
+        Times after it.
+    curves : mapping of str to ndarray, shape (n,)
+        Values by the names of the report's peaks.
     """
-    names, *rows = (line.split(",") for line in curves.read_text(encoding="utf-8").splitlines())
-    columns = np.array([[float(cell or "nan") for cell in row] for row in rows], dtype=np.float64).T
-    packed = {name: _packed(column) for name, column in zip(names, columns, strict=True)}
+    packed = {"time_s": _packed(times_s), **{name: _packed(values) for name, values in curves.items()}}
     folder = out / FOLDER / shot
     folder.mkdir(parents=True, exist_ok=True)
-    _write(folder / FILTERED, "filtered", shot, {"zero_s": document["interval_s"][0], "curves": packed})
+    _write(folder / FILTERED, "filtered", shot, {"zero_s": zero_s, "curves": packed})
 
 
 def write_index(out: Path) -> None:

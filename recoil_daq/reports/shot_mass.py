@@ -11,9 +11,11 @@ from recoil_acquisition.files.temporary_folder import temporary_folder
 from recoil_acquisition.remark import NoteCode
 from recoil_daq.recording.conversion import ConversionTask, convert
 from recoil_daq.recording.overview import write_filtered, write_index
-from recoil_daq.reports.identify import identify_file
-from recoil_identification.report.document.report_files import CURVES_FILE
+from recoil_daq.reports.identify import identify_file, write_report
+from recoil_daq.reports.output import Output
+from recoil_identification.shot.firing_record import Curves, curves_of
 from recoil_identification.shot.identified import Options
+from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.thinned import THINNED_TO_HZ
 from recoil_rigs.rig import Rig, load_rig
 from recoil_rigs.twin import simulate_shot
@@ -45,9 +47,14 @@ def shot_mass(task: tuple[Path, Path, bool]) -> dict[str, Any]:
         As `identify_file`.
     """
     path, reports, thin = task
-    found = identify_file(path, out=reports, options=Options(thin=thin), overwrite=True)
+    curves: list[Curves] = []
+    found = write_report(
+        path, Output(reports, overwrite=True), options=Options(thin=thin),
+        identified=lambda one: curves.append(curves_of(one, PRESSURE_ROLES)),
+    )  # fmt: skip
     is_thinned = any(one["code"] == NoteCode.THINNED for one in found.document["findings"])
-    write_filtered(path.parent, found.shot, found.document, found.folder / CURVES_FILE)
+    for one in curves:
+        write_filtered(path.parent, found.shot, found.document["interval_s"][0], one.times_s, one.values)
     write_index(path.parent)
     mass, row = found.document["mass"], found.document.get("shot_log") or {}
     return {

@@ -17,6 +17,7 @@ from recoil_acquisition.shot.shot import InputFile
 from recoil_acquisition.store import read_shot
 from recoil_daq.recording import overview
 from recoil_daq.recording.overview import _pieces, refresh_overviews, write_filtered, write_overview
+from recoil_identification.report.document.report_files import read_curves
 
 
 def numbers(text: str) -> np.ndarray:
@@ -133,7 +134,9 @@ def test_what_is_left_of_a_shot_that_is_gone_goes_and_nothing_else(folder: Path)
 
 
 def test_the_curves_of_a_report_stand_beside_the_overview(folder: Path, identified: Any) -> None:
-    write_filtered(folder, "0001", identified.report, identified.reports / "0001/curves.csv")
+    found = read_curves(identified.reports / "0001")
+    assert found is not None
+    write_filtered(folder, "0001", identified.report["interval_s"][0], found.times_s, found.values)
     refresh_overviews(folder)
     told = script(folder / "overviews/0001/filtered.js")
     assert told["zero_s"] == identified.report["interval_s"][0]
