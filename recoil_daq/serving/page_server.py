@@ -61,6 +61,14 @@ def bound(listen: str, port: int) -> socket.socket:
     return opened
 
 
+def _bound_beside(listen: str, port: int) -> socket.socket:
+    """Return a socket for a session, whose page is wanted at another port, too, where that one is taken."""
+    try:
+        return bound(listen, port)
+    except ReadError:
+        return bound(listen, 0)
+
+
 def address_of(access: Access) -> str:
     """Return the address to open, with its token."""
     host = _outward() if access.listen in ("0.0.0.0", "::") else access.listen  # noqa: S104 - compared, not bound
@@ -84,7 +92,7 @@ def serve_folder(folder: Path, listen: str, port: int, told: Callable[[str], Non
     told
         Function called with the address, once it is listened at.
     while_asked
-        Whether it ends when whoever started it does.
+        Whether it ends when whoever started it does, and takes any port where that one is taken.
 
     Raises
     ------
@@ -96,7 +104,7 @@ def serve_folder(folder: Path, listen: str, port: int, told: Callable[[str], Non
         raise ReadError("no such folder to serve", path=folder, remedy="give the folder of a day at the range")
     import uvicorn
 
-    with bound(listen, port) as opened:
+    with _bound_beside(listen, port) if while_asked else bound(listen, port) as opened:
         access = Access.of(listen, opened.getsockname()[1])
         config = uvicorn.Config(
             PageApp(ServedFolder(folder), access), http="h11", ws="none", lifespan="off", access_log=False,
