@@ -34,7 +34,7 @@ class ServedFile:
     Attributes
     ----------
     tag
-        What differs where it was changed.
+        Text that differs where the file was changed.
     """
 
     file: BinaryIO
