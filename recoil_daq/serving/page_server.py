@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -23,7 +24,9 @@ LISTEN, PORT = "127.0.0.1", 8750
 MOST_CONNECTIONS = 512
 """Connections beyond which a request is answered with 503."""
 LONGEST_HEAD_BYTES = 16_384
-_CLOSE_WITHIN_S = 3.0
+LAST_LOOKS_S = 2.5
+"""Time after the end of a session for which its last state is served, s: pages look at it once a second."""
+_CLOSE_WITHIN_S = 6.0
 
 
 def require_server() -> None:
@@ -116,6 +119,7 @@ def serve_folder(folder: Path, listen: str, port: int, told: Callable[[str], Non
 
             def watch() -> None:
                 sys.stdin.buffer.read()
+                time.sleep(LAST_LOOKS_S)
                 server.should_exit = True
 
             threading.Thread(target=watch, name="wait for the session's end", daemon=True).start()
