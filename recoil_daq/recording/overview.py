@@ -61,8 +61,8 @@ def write_overview(shot: Shot, file: Path) -> str:
     StoreError
         If it cannot be written.
     """
-    status, digest = file.stat(), InputFile.of(file).sha256
-    folder = file.parent / FOLDER / shot.name
+    status, digest, name = file.stat(), InputFile.of(file).sha256, file.stem  # by which a page asks, whatever it holds
+    folder = file.parent / FOLDER / name
     channels, fine = [], {}
     for number, channel in enumerate(shot.channels.values()):
         times_s, aligned = _instants(shot, channel)
@@ -72,22 +72,22 @@ def write_overview(shot: Shot, file: Path) -> str:
             "fine": None,
         }  # fmt: skip
         if len(times_s) > 2 * COLUMNS:
-            told["fine"] = name = f"{number:03d}.js"
-            fine[name] = _pieces(times_s, channel.samples, FINE_COLUMNS)
+            told["fine"] = script = f"{number:03d}.js"
+            fine[script] = _pieces(times_s, channel.samples, FINE_COLUMNS)
         channels.append(told)
     head = {
-        "schema": SCHEMA, "shot": shot.name, "sha256": digest, "size": status.st_size,
+        "schema": SCHEMA, "shot": name, "sha256": digest, "size": status.st_size,
         "changed_ns": status.st_mtime_ns, "zero_s": _zero_s(shot),
     }  # fmt: skip
     try:
         folder.mkdir(parents=True, exist_ok=True)
         remove_left_partials(folder, idle_s=LEFT_AFTER_S)
-        for name, pieces in fine.items():
-            _write(folder / name, "fine", f"{shot.name}/{name}", {"sha256": digest, "pieces": pieces})
+        for script, pieces in fine.items():
+            _write(folder / script, "fine", f"{name}/{script}", {"sha256": digest, "pieces": pieces})
         for left in folder.glob("[0-9]*.js"):
             if left.name not in fine:
                 left.unlink(missing_ok=True)
-        _write(folder / OVERVIEW, "overviews", shot.name, {**head, "channels": channels})
+        _write(folder / OVERVIEW, "overviews", name, {**head, "channels": channels})
         write_index(file.parent)
     except OSError as error:
         raise StoreError(f"the overview cannot be written: {error.strerror or error}", path=folder) from error
