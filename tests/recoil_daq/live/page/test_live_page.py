@@ -54,7 +54,7 @@ def shown(stored: Path, identified: Any, tmp_path_factory: pytest.TempPathFactor
     for name in SHOTS:
         file = folder / f"{name}.h5"
         file.write_bytes(stored.read_bytes())
-        write_overview(replace(shot, name=name), file)
+        write_overview(shot, file)
         write_filtered(folder, name, identified.report["interval_s"][0], *curves)
     write_pages(folder)
     STATE.write_to(folder)
