@@ -162,7 +162,7 @@ class LiveRange:
             self._shots.append(shot)
             display.notice(f"shot {shot.name}, recovered, waits for files of {', '.join(shot.missing)} with its number")
         self._keys = RangeKeys(display, self._files, self._work, self._heed)
-        self._overviews = OverviewWork(self._worker, options.out, display)
+        self._overviews = OverviewWork(self._worker, options.out, display, self._shots)
         self._masses = MassWork(self._worker, options.out, display) if options.identify else None
         self._states = RangeStates(
             rig, options, display, [s for s in rig.sources if s.name in live | elsewhere], self._shots,

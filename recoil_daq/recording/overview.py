@@ -116,11 +116,9 @@ def write_filtered(out: Path, shot: str, zero_s: float, times_s: Array, curves: 
 
 def write_index(out: Path) -> None:
     """Write which shots of a folder have an overview."""
-    heads = ((path.parent.name, _head_of(path)) for path in sorted((out / FOLDER).glob(f"*/{OVERVIEW}")))
     found = [
-        {"shot": name, "sha256": head[0], "filtered": (out / FOLDER / name / FILTERED).is_file()}
-        for name, head in heads
-        if head is not None and (out / f"{name}.h5").is_file()
+        {"shot": name, "sha256": digest, "filtered": (out / FOLDER / name / FILTERED).is_file()}
+        for name, digest in _digests(out).items()
     ]
     _replace(out / FOLDER / INDEX, f"window.shots = {json.dumps(found)};\n")
 
@@ -144,9 +142,9 @@ def refresh_overviews(out: Path) -> list[str]:
             problems.append(f"no curves of {file.name}: {error}")
     if files:
         with contextlib.suppress(OSError):
-            kept = {file.stem for file in files}
-            for folder in (out / FOLDER).iterdir():
-                if folder.is_dir() and not folder.is_symlink() and folder.name not in kept and _is_own(folder):
+            for folder in (out / FOLDER).iterdir():  # a shot may have come meanwhile, with its overview
+                gone = not (out / f"{folder.name}.h5").exists()
+                if gone and folder.is_dir() and not folder.is_symlink() and _is_own(folder):
                     shutil.rmtree(folder)
             write_index(out)
     return problems
@@ -157,9 +155,15 @@ def overview_of(task: Path) -> str:
     return write_overview(read_shot(task), task)
 
 
-def refresh(task: Path) -> list[str]:
-    """Do as `refresh_overviews` in the process that stays warm."""
-    return refresh_overviews(task)
+def refresh(task: Path) -> tuple[list[str], dict[str, str]]:
+    """Do as `refresh_overviews` in the process that stays warm; return the digests of the shots that have one, too."""
+    return refresh_overviews(task), _digests(task)
+
+
+def _digests(out: Path) -> dict[str, str]:
+    """Return the SHA-256 of the shot files of a folder that have an overview, by the names of the shots."""
+    heads = ((path.parent.name, _head_of(path)) for path in sorted((out / FOLDER).glob(f"*/{OVERVIEW}")))
+    return {name: head[0] for name, head in heads if head is not None and (out / f"{name}.h5").is_file()}
 
 
 def _is_own(folder: Path) -> bool:

@@ -133,6 +133,19 @@ def test_what_is_left_of_a_shot_that_is_gone_goes_and_nothing_else(folder: Path)
     assert sorted(path.name for path in (folder / "overviews").iterdir()) == ["0001", "index.js", "mine"]
 
 
+def test_a_shot_that_comes_meanwhile_keeps_its_overview(folder: Path, monkeypatch) -> None:
+    write = overview.write_overview
+
+    def meanwhile(shot, file: Path) -> str:
+        write(shot, Path(shutil.copy(file, folder / "0002.h5")))  # by the session's own process
+        return write(shot, file)
+
+    monkeypatch.setattr(overview, "write_overview", meanwhile)
+    refresh_overviews(folder)
+    assert (folder / "overviews/0002/overview.js").is_file()
+    assert '"0002"' in (folder / "overviews/index.js").read_text("ascii")
+
+
 def test_the_curves_of_a_report_stand_beside_the_overview(folder: Path, identified: Any) -> None:
     found = read_curves(identified.reports / "0001")
     assert found is not None

@@ -41,14 +41,15 @@ def shot_of(file: Path, **changes: Any) -> LiveShot:
 def test_a_shot_has_its_overview_and_earlier_ones_get_theirs(worker: WarmWorker, stored: Path, tmp_path: Path) -> None:
     file, earlier = (Path(shutil.copy(stored, tmp_path / f"{name}.h5")) for name in ("0001", "0007"))
     (tmp_path / "0009.h5").write_bytes(b"no shot")
-    told = Told()
-    work = OverviewWork(worker, tmp_path, told)
-    assert not work.pending, "nobody waits for what concerns earlier shots"
+    told, before = Told(), shot_of(earlier)
     shot = shot_of(file)
+    work = OverviewWork(worker, tmp_path, told, [before, shot])
+    assert not work.pending, "nobody waits for what concerns earlier shots"
     work.begin(shot)
     assert work.pending
     finish(work)
     assert shot.overview == InputFile.of(file).sha256
+    assert before.overview == InputFile.of(earlier).sha256
     assert [notice for notice in told.notices if "0009" in notice]
     for name in ("0001", earlier.stem):
         assert (tmp_path / "overviews" / name / "overview.js").is_file()
