@@ -132,7 +132,7 @@ def refresh_overviews(out: Path) -> list[str]:
         Lines on the shots that have none, and why.
     """
     problems = []
-    files = sorted(path for path in out.glob("*.h5") if path.is_file())
+    files = sorted(path for path in out.glob("[!.]*.h5") if path.is_file())
     for file in files:
         if _is_current(file):
             continue

@@ -119,6 +119,7 @@ def test_an_overview_is_made_where_it_is_missing_or_of_another_file(folder: Path
 
 def test_a_damaged_shot_file_costs_its_own_curves_and_is_named(folder: Path) -> None:
     (folder / "0002.h5").write_bytes(b"no shot")
+    (folder / ".0003.0123abcd.partial.h5").write_bytes(b"is being written")
     (problem,) = refresh_overviews(folder)
     assert problem.startswith("no curves of 0002.h5: ")
     assert (folder / "overviews/0001/overview.js").is_file()
