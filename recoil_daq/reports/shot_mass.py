@@ -10,8 +10,12 @@ from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.files.temporary_folder import temporary_folder
 from recoil_acquisition.remark import NoteCode
 from recoil_daq.recording.conversion import ConversionTask, convert
-from recoil_daq.reports.identify import identify_file
+from recoil_daq.recording.overview import write_filtered, write_index
+from recoil_daq.reports.identify import identify_file, write_report
+from recoil_daq.reports.output import Output
+from recoil_identification.shot.firing_record import Curves, curves_of
 from recoil_identification.shot.identified import Options
+from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.thinned import THINNED_TO_HZ
 from recoil_rigs.rig import Rig, load_rig
 from recoil_rigs.twin import simulate_shot
@@ -34,7 +38,8 @@ def shot_mass(task: tuple[Path, Path, bool]) -> dict[str, Any]:
         ``value``, ``u`` and ``U95`` in kg, ``E_n`` (null where the specification is not known or nothing is uncertain),
         ``valid``, ``reason``, the first of those that speak against it, ``report``, its folder, ``thinned_hz``, the
         rate to which channels were thinned (null where none was), ``bare``, whether nobody stated what was added,
-        so that the specification is that of the bare rig, and ``peaks``, those of the report.
+        so that the specification is that of the bare rig, ``peaks`` and ``peaks_u``, those of the report. The curves of
+        the report are written beside the shot's overview.
 
     Raises
     ------
@@ -42,8 +47,15 @@ def shot_mass(task: tuple[Path, Path, bool]) -> dict[str, Any]:
         As `identify_file`.
     """
     path, reports, thin = task
-    found = identify_file(path, out=reports, options=Options(thin=thin), overwrite=True)
+    curves: list[Curves] = []
+    found = write_report(
+        path, Output(reports, overwrite=True), options=Options(thin=thin),
+        identified=lambda one: curves.append(curves_of(one, PRESSURE_ROLES)),
+    )  # fmt: skip
     is_thinned = any(one["code"] == NoteCode.THINNED for one in found.document["findings"])
+    for one in curves:
+        write_filtered(path.parent, found.shot, found.document["interval_s"][0], one.times_s, one.values)
+    write_index(path.parent)
     mass, row = found.document["mass"], found.document.get("shot_log") or {}
     return {
         "value": mass["value"],
@@ -56,6 +68,7 @@ def shot_mass(task: tuple[Path, Path, bool]) -> dict[str, Any]:
         "thinned_hz": THINNED_TO_HZ if is_thinned else None,
         "bare": "added_mass_kg" not in row,
         "peaks": found.document["peaks"],
+        "peaks_u": found.document.get("peaks_u") or {},
     }
 
 
