@@ -20,6 +20,7 @@ from recoil_daq.live.range import REST_S, LiveRange, trigger_of
 from recoil_daq.live.recover import recover_journal
 from recoil_daq.live.recovered import RecoveredShot
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState, free_number
+from recoil_daq.live.wakefulness import kept_awake
 from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.left_out import left_out
@@ -81,7 +82,9 @@ def run_live(
             warm = worker.ask(_WARM, (rig.path, newest, options.identify), again=None)
             if not is_virtual_rig(rig):
                 chosen = replace(options, first=first)
-                return LiveRange(rig, chosen, display, folder, rest_s=REST_S, worker=worker, left=left).run()
+                live = LiveRange(rig, chosen, display, folder, rest_s=REST_S, worker=worker, left=left)
+                with kept_awake(display.notice):
+                    return live.run()
             shots, watch = options.shots or VIRTUAL_SHOTS, options.watch or options.out / "incoming"
             chosen = replace(options, first=first, shots=shots, watch=watch)
             display.notice(f"virtual rig: simulating {shots} shots")
