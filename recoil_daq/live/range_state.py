@@ -23,8 +23,10 @@ NOTICES_OF_FILE = 10
 
 OLD_S = 1.0
 """Silence of a live source, s, from which on something is wrong with it."""
+NOT_UNDERSTOOD_S = 2.0
+"""Time without a sample of a source whose bytes come, s, from which on its bytes are not what the rig declares."""
 
-SourceState = Literal["live", "silent", "lost", "stopped", "for files", "not open"]
+SourceState = Literal["live", "not understood", "silent", "lost", "stopped", "for files", "not open"]
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,8 @@ class RangeSource:
     Attributes
     ----------
     state
-        State: ``live``; ``silent`` for longer than `OLD_S`; ``lost``, opened again as soon as its device is back;
+        State: ``live``; ``not understood``, where bytes come and none of them has been good for longer than
+        `NOT_UNDERSTOOD_S`; ``silent`` for longer than `OLD_S`; ``lost``, opened again as soon as its device is back;
         ``stopped`` by an error, or since the session ends; ``for files``, which come into the watched folder;
         ``not open``, left out of the session, or away though it may be.
     live
@@ -367,7 +370,7 @@ class RangeState:
         return {key: _finite(value) for key, value in document.items()}
 
 
-def source_state(live: SourceStatus, *, lost: bool, ended: bool = False) -> SourceState:
+def source_state(live: SourceStatus, *, lost: bool, ended: bool = False, without_sample_s: float = 0.0) -> SourceState:
     """Return the state of a source that is read live.
 
     Parameters
@@ -376,12 +379,16 @@ def source_state(live: SourceStatus, *, lost: bool, ended: bool = False) -> Sour
         Whether its device is lost at present.
     ended
         Whether the session reads no device any more: a source is not silent then.
+    without_sample_s
+        Time since the last sample of any of its channels, s.
     """
     if live.error or ended:
         return "stopped"
     if lost:
         return "lost"
-    return "silent" if is_old(live) else "live"
+    if is_old(live):
+        return "silent"
+    return "not understood" if without_sample_s > NOT_UNDERSTOOD_S else "live"
 
 
 def is_old(source: SourceStatus) -> bool:

@@ -71,6 +71,7 @@ class RangeStates:
         self._file = StateFile(options.out)
         self._unwritten = ""
         self._since: tuple[str, float] = "", 0.0
+        self._good_s: dict[str, float] = {}
         self.armed: Anchor | None = None
 
     def keep(self, state: RangeState) -> None:
@@ -138,7 +139,10 @@ class RangeStates:
         live = next((one for one in status.sources if one.name == source.name), None)
         ended, lost = status.state == "stopped", source.name in self._losses.lost
         absent: SourceState = "for files" if source.device is None else "not open"
-        state = absent if live is None else source_state(live, lost=lost, ended=ended)
+        good = any(c.level is not None for c in status.channels if c.source == source.name)
+        good_s = self._good_s[source.name] = now_s if good else self._good_s.get(source.name, now_s)
+        without_s = now_s - good_s
+        state = absent if live is None else source_state(live, lost=lost, ended=ended, without_sample_s=without_s)
         wait = [s for s in self._shots if source.name in s.awaited and not s.settled]
         waited_s = max((now_s - s.complete_s for s in wait if s.captured is not None), default=None)
         waits = waited_s is not None and self._files.watched and not ended

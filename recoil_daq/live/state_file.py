@@ -8,6 +8,7 @@ import os
 from pathlib import Path
 
 from recoil_acquisition.files.new_file import partial_path, remove_partials
+from recoil_daq.live.next_step import state_document
 from recoil_daq.live.range_state import RangeState
 
 NAME = "live.json"
@@ -33,7 +34,7 @@ class StateFile:
 
     def write(self, state: RangeState) -> str:
         """Write a state; return why it cannot be written, empty if it was, or a reader on Windows has the file open."""
-        text = json.dumps(state.to_json(), allow_nan=False, separators=(",", ":"))
+        text = json.dumps(state_document(state), allow_nan=False, separators=(",", ":"))
         try:
             self._partial.write_text(text, encoding="ascii", newline="\n")
             self._partial.replace(self.path)
