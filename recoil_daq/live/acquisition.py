@@ -28,6 +28,7 @@ from recoil_rigs.shots.live_sources import live_sources
 from recoil_rigs.twin.range_day import RangeDay, is_virtual_rig
 
 _WARM = "recoil_daq.reports.shot_mass:warm"
+_DAY = "recoil_daq.handover.day:day_page"
 VIRTUAL_SHOTS = 3
 """Number of shots that a virtual rig fires where none is asked for."""
 
@@ -84,7 +85,9 @@ def run_live(
                 chosen = replace(options, first=first)
                 live = LiveRange(rig, chosen, display, folder, rest_s=REST_S, worker=worker, left=left)
                 with kept_awake(display.notice):
-                    return live.run()
+                    outcome = live.run()
+                _hand_over(worker, options, outcome, display)
+                return outcome
             shots, watch = options.shots or VIRTUAL_SHOTS, options.watch or options.out / "incoming"
             chosen = replace(options, first=first, shots=shots, watch=watch)
             display.notice(f"virtual rig: simulating {shots} shots")
@@ -98,7 +101,26 @@ def run_live(
                 outcome = live.run(day.start)
                 if day.over:  # else it was interrupted, and its devices were closed under it
                     day.raise_failure()
-                return outcome
+            _hand_over(worker, options, outcome, display)
+            return outcome
+
+
+def _hand_over(worker: WarmWorker, options: LiveOptions, outcome: LiveOutcome, display: Display) -> None:
+    """Write the page of the day, where shots are identified; what is wrong with it is said, and ends nothing."""
+    if not options.identify or outcome.error is not None or not any(shot.document for shot in outcome.shots):
+        return
+    display.notice("making the page of the day; Ctrl-C leaves that to `recoil-daq day`")
+    made = worker.ask(_DAY, options.out)
+    try:
+        while not made.done:
+            time.sleep(_LOOK_S)
+            worker.look()
+        display.notice(f"the day, and what to copy of it: {made.result()}")
+    except KeyboardInterrupt:
+        display.notice(f"left out: `recoil-daq day {quoted(options.out)}` makes the page of the day")
+    except Exception as error:  # whatever it is, the shots are in their files
+        why = str(error) if isinstance(error, RecoilDaqError) else f"{type(error).__name__}: {error}"
+        display.notice(f"no page of the day: {why}")
 
 
 def _wait_for(worker: WarmWorker, warm: WarmWork) -> None:

@@ -130,7 +130,7 @@ class Console:
     def __init__(self) -> None:
         self.handlers: list[Any] = []
 
-    def SetConsoleCtrlHandler(self, handler: Any, add: int) -> int:  # noqa: N802 - the name that Windows has
+    def SetConsoleCtrlHandler(self, handler: Any, add: int) -> int:
         self.handlers.append(handler) if add else self.handlers.remove(handler)
         return 1
 

@@ -35,9 +35,15 @@ def test_it_is_kept_awake_for_as_long_as_the_session_lasts_and_nothing_is_said(m
     said: list[str] = []
     mode = Mode(True)
     system(monkeypatch, mode)
-    with pytest.raises(KeyError), kept_awake(said.append):
-        assert mode.entered
-        raise KeyError
+    ended = KeyError()
+
+    def session() -> None:
+        with kept_awake(said.append):
+            assert mode.entered
+            raise ended
+
+    with pytest.raises(KeyError):
+        session()
     assert not mode.entered
     assert not said
 
