@@ -144,7 +144,7 @@ class LiveRange:
         elsewhere = {s.name for s in rig.sources if s.name not in live | self._without and rig.channels_of(s.name)}
         previewed = frozenset(s.name for s in self._sources if s.live_kind.is_preview)
         self._files = DroppedFiles(rig, options, display, elsewhere, self._trigger.post_s, previewed, left)
-        rest = self._rest = RestWatch()
+        rest = self._rest = RestWatch(rig.read_in)
         self._not_armed = ""  # why not, where the trigger fires at rest
         self._outcome = LiveOutcome(rig.name)
         self._decisions = TriggerDecisions(

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Literal
 
 from recoil_acquisition.capture.status import ChannelStatus, SourceStatus, State
+from recoil_acquisition.quantities.unit_choice import SI, UnitChoice
 from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.shot import LiveShot, ShotState, losses_of
 from recoil_daq.terminal.verdict_line import VerdictLine
@@ -101,6 +102,10 @@ class RangeFigure:
     code: FigureCode
     value: float
     unit: str
+
+    def times(self, factor: float, unit: str) -> RangeFigure:
+        """Return it in another unit, of which one of its own has so many."""
+        return replace(self, value=factor * self.value, unit=unit)
 
 
 _ROLES = (
@@ -303,6 +308,8 @@ class RangeState:
         Age of the oldest data that is not yet forced to the disk, s.
     unseen_bytes
         Bytes that are recorded and that the trigger has not looked at.
+    units
+        Units in which people read it: all else is in SI.
     """
 
     utc: str
@@ -331,6 +338,18 @@ class RangeState:
     journal_bytes: int
     unsynced_s: float
     unseen_bytes: int
+    units: UnitChoice = SI
+
+    def as_read(self) -> RangeState:
+        """Return it with channels and figures in the units in which people read them."""
+        if not self.units.by_quantity:
+            return self
+        shots = tuple(
+            replace(shot, figures=tuple(figure.times(*self.units.factor(figure.unit)) for figure in shot.figures))
+            for shot in self.shots
+        )
+        channels = tuple(channel.times(*self.units.factor(channel.unit)) for channel in self.channels)
+        return replace(self, channels=channels, shots=shots)
 
     @property
     def live(self) -> tuple[SourceStatus, ...]:
@@ -363,6 +382,7 @@ class RangeState:
             "journal_bytes": self.journal_bytes,
             "unsynced_s": self.unsynced_s,
             "unseen_bytes": self.unseen_bytes,
+            "units": self.units.to_json(),
             "sources": [source.to_json() for source in self.sources],
             "channels": [asdict(channel) for channel in self.channels],
             "shots": [shot.to_json() for shot in self.shots],

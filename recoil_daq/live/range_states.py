@@ -132,6 +132,7 @@ class RangeStates:
             journal_bytes=status.journal_bytes,
             unsynced_s=status.unsynced_s,
             unseen_bytes=status.unseen_bytes,
+            units=self._rig.read_in,
         )
 
     def _source(self, source: Source, status: LiveStatus, now_s: float) -> RangeSource:

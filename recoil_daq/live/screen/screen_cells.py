@@ -12,7 +12,7 @@ from recoil_daq.live.range_state import RangeState, is_old
 from recoil_daq.live.screen.screen_table import line_of
 from recoil_daq.live.sensor_range import allowed
 from recoil_daq.live.shot import losses_of, lost_anything
-from recoil_daq.terminal.engineering import PREFIXES, TAKES_PREFIX, engineering, spelled
+from recoil_daq.terminal.engineering import PREFIXES, engineering, spelled, takes_prefix
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -34,7 +34,7 @@ def now_text(channel: ChannelStatus) -> str:
     if value is None or not math.isfinite(value) or not 0.0 < full_scale < math.inf:
         return engineering(value, unit)
     exponent = 0
-    if TAKES_PREFIX.match(unit):
+    if takes_prefix(unit):
         quotient = "/" in unit
         least = _LEAST_OF_QUOTIENT if quotient else _LEAST_FULL_SCALE
         exponent = min(max(math.floor(math.log10(full_scale / least) / 3), -3), 0 if quotient else 3)

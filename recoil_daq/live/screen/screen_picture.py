@@ -63,6 +63,7 @@ class Picture:
 
 def picture(state: RangeState, look: Look) -> Picture:
     """Draw a state: what nobody may overlook first, then as much of the rest as the terminal has room for."""
+    state = state.as_read()
     top = [*_head(state, look), *source_lines(state, look)]
     bottom = _bottom(state, look)
     room = max(look.height - 1 - len(top) - len(bottom), 0)

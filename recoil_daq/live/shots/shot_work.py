@@ -280,7 +280,11 @@ class ShotWork:
         elif doubtful := doubt_of_files(shot, self._shots):
             shot.problem = f"perhaps the file of another shot: {doubtful}"
             self._display.notice(f"shot {shot.name}: {shot.problem}")
-        for text in () if before is None or not shot.previewed - shot.previews else differences(before, document):
+        for text in (
+            ()
+            if before is None or not shot.previewed - shot.previews
+            else differences(before, document, self._rig.read_in)
+        ):
             self._display.notice(f"shot {shot.name}: the file says otherwise than the preview: {text}")
         if shot.window is not None:
             session.release(shot.window)
