@@ -74,6 +74,11 @@ COMMANDS = {
         "List shots and their reports in one table: recording, mass, verdict, first reason, with links to the reports.",
         "recoil-daq index, or of other folders: recoil-daq index day1 day2/reports --xlsx",
     ),
+    "serve": Command(
+        "pages",
+        "Show the pages of a day at the range, read-only, to another screen or a phone; prints its address first.",
+        "recoil-daq serve shots, or to a phone in the same network: recoil-daq serve shots --listen 0.0.0.0",
+    ),
     "predict": Command(
         "virtual",
         "Say before the day how well shots and campaigns will tell the mass, and what would make it better.",

@@ -49,7 +49,8 @@ CAMPAIGN_DEMO_FILES = (
     r"answer/(reports/)?plotly\.min\.js",
 )
 LIVE_DEMO_FILES = (
-    rf"\d{{4}}\.h5|live\.json|{LOG_FILES}",
+    rf"\d{{4}}\.h5|live\.(json|js|html)|zoom\.html|pages/\w+\.(js|css)|{LOG_FILES}",
+    r"overviews/(index\.js|\d{4}/(overview|filtered|\d{3})\.js)",
     r"captures/\d{4}\.rdlog",
     r"incoming/\d{4}_(camera|dewetron)\.csv",
     r"sessions/\w+\.\w+\.json",

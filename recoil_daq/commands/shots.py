@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -62,6 +63,9 @@ def ingest(
         float, number("s", "S", "With --live: wait so long for those files after a shot, seconds.", least=0.0)
     ] = 120.0,
     no_screen: Annotated[bool, typer.Option("--no-screen", help="With --live: print plain lines, for a log.")] = False,
+    serve: Annotated[
+        bool, typer.Option("--serve", help="With --live: serve the page of OUT at this computer too, as `serve` does.")
+    ] = False,
     no_identify: Annotated[
         bool, typer.Option("--no-identify", help="With --live: give each shot a verdict, and no mass.")
     ] = False,
@@ -110,12 +114,14 @@ def ingest(
             raise typer.BadParameter("with --live, --shot is the number of the first shot")
         first = None if shot is None else int(shot)
         left = tuple(without or ())
-        _live(rig, out, first, shots, watch, spare, files_within_s, no_screen, not no_identify, left, json, debug)
+        _live(
+            rig, out, first, shots, watch, spare, files_within_s, no_screen, not no_identify, serve, left, json, debug
+        )
         return
     if not files:
         raise typer.BadParameter("give one shot's FILES, or --live")
-    if shots is not None or watch is not None or spare is not None or no_screen or no_identify:
-        raise typer.BadParameter("--shots, --watch, --spare, --no-screen and --no-identify go with --live")
+    if shots is not None or watch is not None or spare is not None or no_screen or no_identify or serve:
+        raise typer.BadParameter("--shots, --watch, --spare, --no-screen, --serve and --no-identify go with --live")
     if batch:
         if len(files) != 1 or shot is not None or at is not None:
             raise typer.BadParameter("--batch takes one folder, and neither --shot nor --at")
@@ -159,7 +165,7 @@ def _batch(
 
 def _live(
     rig: str, out: Path, first: int | None, shots: int | None, watch: Path | None, spare: Path | None,
-    files_within_s: float, no_screen: bool, identify: bool, without: tuple[str, ...], json: bool,
+    files_within_s: float, no_screen: bool, identify: bool, serve: bool, without: tuple[str, ...], json: bool,
     debug: bool,
 ) -> None:  # fmt: skip
     with Session(json, debug) as session:
@@ -168,6 +174,7 @@ def _live(
         from recoil_daq.live.added_mass import weight_of
         from recoil_daq.live.shot import LiveOptions
         from recoil_daq.live.tables import live_display, print_session
+        from recoil_daq.serving.page_server import require_server, served_beside
         from recoil_rigs.rig import load_rig
         from recoil_rigs.twin.range_day import is_virtual_rig
 
@@ -188,7 +195,13 @@ def _live(
             weight=weight,
             without=without,
         )
-        with live_display(plain=no_screen, as_json=json) as display:
+        if serve:
+            require_server()
+            out.mkdir(parents=True, exist_ok=True)
+        with (
+            live_display(plain=no_screen, as_json=json) as display,
+            served_beside(out, display.notice) if serve else nullcontext(),
+        ):
             done = run_live(loaded, options, display)
         document = done.to_json()
         if done.error is not None and not json:

@@ -31,6 +31,7 @@ from recoil_daq.live.rest_watch import RestWatch
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.shots.dropped_files import DroppedFiles
 from recoil_daq.live.shots.mass_work import MassWork
+from recoil_daq.live.shots.overview_work import OverviewWork
 from recoil_daq.live.shots.shot_work import ShotWork
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT
 from recoil_daq.live.trigger_decisions import PARTS_OF_REST, TriggerDecisions
@@ -153,7 +154,7 @@ class LiveRange:
         self._losses = DeviceLosses(self._live, display)
         self._worker = WarmWorker() if worker is None else worker
         self._work = ShotWork(
-            rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._identify,
+            rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._follow,
             self._worker,
         )  # fmt: skip
         for shot in left:
@@ -161,6 +162,7 @@ class LiveRange:
             self._shots.append(shot)
             display.notice(f"shot {shot.name}, recovered, waits for files of {', '.join(shot.missing)} with its number")
         self._keys = RangeKeys(display, self._files, self._work, self._heed)
+        self._overviews = OverviewWork(self._worker, options.out, display)
         self._masses = MassWork(self._worker, options.out, display) if options.identify else None
         self._states = RangeStates(
             rig, options, display, [s for s in rig.sources if s.name in live | elsewhere], self._shots,
@@ -339,6 +341,7 @@ class LiveRange:
             self._work.close()
             if self._masses is not None:
                 self._masses.close()
+            self._overviews.close()
             self._worker.close()
             self._close(session)
             self._outcome.interrupted = self._interruption.asked
@@ -359,7 +362,7 @@ class LiveRange:
             self._begin(session, window)
         if not self._gone:
             self._files.take(self._shots, recording=session.recording, at_once=True)
-        while (self._masses_to_come or any(map(self._to_come, self._shots))) and not self._given_up():
+        while (self._work_to_come or any(map(self._to_come, self._shots))) and not self._given_up():
             if self._failed(session) and self._gone:
                 break
             self._look(session, 0.02)
@@ -457,11 +460,13 @@ class LiveRange:
         if window is not None:
             self._begin(session, window)
         self._work.look(session)
+        self._overviews.look()
         if self._masses is not None:
             self._masses.look()
 
-    def _identify(self, shot: LiveShot) -> None:
-        """Have the mass of a usable shot identified beside the acquisition; one that was made anew loses the old."""
+    def _follow(self, shot: LiveShot) -> None:
+        """Have the curves of a shot kept, and its mass identified where it is usable; one made anew loses the old."""
+        self._overviews.begin(shot)
         if self._masses is None:
             return
         if shot.state is ShotState.USABLE:
@@ -470,8 +475,8 @@ class LiveRange:
             self._masses.forget(shot)
 
     @property
-    def _masses_to_come(self) -> bool:
-        return self._masses is not None and self._masses.pending
+    def _work_to_come(self) -> bool:
+        return self._overviews.pending or (self._masses is not None and self._masses.pending)
 
     def _begin(self, session: LiveSession, window: ShotWindow) -> None:
         """Make a shot of a window, unless it is what a trigger at rest fired at."""

@@ -168,6 +168,8 @@ class RangeShot:
         Whether what its mass rests on is to change: other files are to come, or the full rate.
     age_s
         Time since its verdict, s; None until there is one.
+    overview
+        SHA-256 of the shot file of which its overview is; empty until there is one.
     """
 
     name: str
@@ -185,6 +187,7 @@ class RangeShot:
     provisional: bool = False
     age_s: float | None = None
     growing: tuple[str, ...] = ()
+    overview: str = ""
 
     @classmethod
     def of(
@@ -212,6 +215,7 @@ class RangeShot:
             provisional=bool(shot.previews) or bool((shot.mass or {}).get("provisional")),
             age_s=None if now_s is None or shot.judged_s is None else now_s - shot.judged_s,
             growing=tuple(sorted(shot.growing)),
+            overview=shot.overview,
         )  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
@@ -231,6 +235,7 @@ class RangeShot:
             "provisional": self.provisional,
             "figures": [asdict(figure) for figure in self.figures],
             "peaks": {name: list(ends) for name, ends in (self.peaks or {}).items()},
+            "overview": self.overview or None,
         }
 
 

@@ -107,6 +107,8 @@ class LiveShot:
         the last word; None until it is identified.
     judged_s
         Host time of its verdict, s; None until there is one.
+    overview
+        SHA-256 of the shot file that its overview was made of; empty until there is one.
     uncut
         Whether it failed since it could not be cut out of the journal, which is tried again.
     """
@@ -128,6 +130,7 @@ class LiveShot:
     redo: str = ""
     mass: Mapping[str, Any] | None = None
     judged_s: float | None = None
+    overview: str = ""
     uncut: bool = False
 
     @property

@@ -10,7 +10,9 @@ from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.files.temporary_folder import temporary_folder
 from recoil_acquisition.remark import NoteCode
 from recoil_daq.recording.conversion import ConversionTask, convert
+from recoil_daq.recording.overview import write_filtered, write_index
 from recoil_daq.reports.identify import identify_file
+from recoil_identification.report.document.report_files import CURVES_FILE
 from recoil_identification.shot.identified import Options
 from recoil_processing.shot.thinned import THINNED_TO_HZ
 from recoil_rigs.rig import Rig, load_rig
@@ -34,7 +36,8 @@ def shot_mass(task: tuple[Path, Path, bool]) -> dict[str, Any]:
         ``value``, ``u`` and ``U95`` in kg, ``E_n`` (null where the specification is not known or nothing is uncertain),
         ``valid``, ``reason``, the first of those that speak against it, ``report``, its folder, ``thinned_hz``, the
         rate to which channels were thinned (null where none was), ``bare``, whether nobody stated what was added,
-        so that the specification is that of the bare rig, and ``peaks``, those of the report.
+        so that the specification is that of the bare rig, ``peaks`` and ``peaks_u``, those of the report. The curves of
+        the report are written beside the shot's overview.
 
     Raises
     ------
@@ -44,6 +47,8 @@ def shot_mass(task: tuple[Path, Path, bool]) -> dict[str, Any]:
     path, reports, thin = task
     found = identify_file(path, out=reports, options=Options(thin=thin), overwrite=True)
     is_thinned = any(one["code"] == NoteCode.THINNED for one in found.document["findings"])
+    write_filtered(path.parent, found.shot, found.document, found.folder / CURVES_FILE)
+    write_index(path.parent)
     mass, row = found.document["mass"], found.document.get("shot_log") or {}
     return {
         "value": mass["value"],
@@ -56,6 +61,7 @@ def shot_mass(task: tuple[Path, Path, bool]) -> dict[str, Any]:
         "thinned_hz": THINNED_TO_HZ if is_thinned else None,
         "bare": "added_mass_kg" not in row,
         "peaks": found.document["peaks"],
+        "peaks_u": found.document.get("peaks_u") or {},
     }
 
 

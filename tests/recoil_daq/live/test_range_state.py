@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.capture.engine import Level
+from recoil_acquisition.files.new_file import partial_path
 from recoil_acquisition.quantities.unit_choice import UnitChoice
 from recoil_daq.live.range_state import RangeShot, source_state
 from recoil_daq.live.shot import LiveShot, ShotState
@@ -76,14 +77,14 @@ def test_the_file_is_whole_or_that_of_a_moment_ago(tmp_path: Path, monkeypatch: 
         patched.setattr(Path, "replace", refused)
         file.write(state_of(status(state="recording")))
     assert json.loads(file.path.read_text())["state"] == "armed"
-    assert [path.name for path in tmp_path.iterdir()] == ["live.json"]
+    assert not list(tmp_path.glob(".*"))
     file.write(state_of(status(state="stopped")))
     assert json.loads(file.path.read_text())["state"] == "stopped"
 
 
 def test_what_a_killed_session_left_of_the_file_is_taken_away(tmp_path: Path) -> None:
     killed = StateFile(tmp_path)
-    killed._partial.write_text("{", encoding="ascii")
+    partial_path(killed.path).write_text("{", encoding="ascii")
     StateFile(tmp_path)
     assert list(tmp_path.iterdir()) == []
 

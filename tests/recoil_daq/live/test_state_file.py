@@ -7,6 +7,9 @@ from pathlib import Path
 
 from recoil_daq.live.state_file import StateFile
 from tests.builders.live_status import state_of, status
+from tests.builders.range_states import day
+
+WRITTEN = {"live.json", "live.js", "live.html", "zoom.html", "pages"}
 
 
 def test_a_state_is_written_over_the_one_before_and_leaves_nothing_else(tmp_path: Path) -> None:
@@ -14,7 +17,35 @@ def test_a_state_is_written_over_the_one_before_and_leaves_nothing_else(tmp_path
     for state in ("armed", "recording"):
         assert file.write(state_of(status(state=state))) == ""
     assert json.loads(file.path.read_text())["state"] == "recording"
-    assert [path.name for path in tmp_path.iterdir()] == ["live.json"]
+    assert {path.name for path in tmp_path.iterdir()} == WRITTEN
+
+
+def test_the_script_that_a_page_reads_is_the_same_document(tmp_path: Path) -> None:
+    file = StateFile(tmp_path)
+    file.write(state_of(status()))
+    script = (tmp_path / "live.js").read_text()
+    assert script == f"window.live = {file.path.read_text()};\n"
+    assert script.isascii()
+
+
+def test_the_page_says_the_last_state_without_scripts_and_obeys_no_name_in_it(tmp_path: Path) -> None:
+    hostile = "</noscript><script>alert(1)</script>\u202e"
+    StateFile(tmp_path).write(day(rig=hostile, alert=f"{hostile} LOST"))
+    page = (tmp_path / "live.html").read_text(encoding="utf-8")
+    text = page.partition('<pre id="text">')[2].partition("</pre>")[0]
+    assert "&lt;/noscript&gt;&lt;script&gt;alert(1)&lt;/script&gt;\\u202e LOST" in text
+    assert "next: see to it" not in text
+    assert "next shot 0004" in text
+    assert "shot 0002: USABLE, 783.0 kg, 95 % 777.8 to 788.2, VALID" in text
+    assert "<" not in text
+    assert page.count("<script") == 2
+
+
+def test_the_last_state_of_a_session_is_on_the_page_at_once(tmp_path: Path) -> None:
+    file = StateFile(tmp_path)
+    for state in ("armed", "stopped"):
+        file.write(state_of(status(state=state)))
+    assert "STOPPED, rig mixed" in (tmp_path / "live.html").read_text(encoding="utf-8")
 
 
 def test_a_state_that_cannot_be_written_says_why_and_leaves_nothing_half(tmp_path: Path) -> None:
