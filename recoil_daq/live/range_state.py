@@ -24,8 +24,9 @@ NOTICES_OF_FILE = 10
 
 OLD_S = 1.0
 """Silence of a live source, s, from which on something is wrong with it."""
-NOT_UNDERSTOOD_S = 2.0
-"""Time without a sample of a source whose bytes come, s, from which on its bytes are not what the rig declares."""
+NOT_UNDERSTOOD_S = 0.8
+"""Time without a level of a source whose bytes come, s, from which on its bytes are not what the rig declares: a level
+is of the last second."""
 
 SourceState = Literal["live", "not understood", "silent", "lost", "stopped", "for files", "not open"]
 

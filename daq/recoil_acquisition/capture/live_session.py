@@ -268,7 +268,7 @@ class LiveSession:
             ),
             shots=self._shots,
             armed_s=now_s - self._began_s,
-            disk_free_bytes=_free_bytes(self._journal.folder) + journal.reserved_bytes,
+            disk_free_bytes=_free_bytes(self._journal.folder),
             journal_bytes=journal.bytes,
             unsynced_s=journal.unsynced_s,
             unseen_bytes=self._unseen_bytes,

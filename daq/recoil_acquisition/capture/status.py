@@ -89,6 +89,8 @@ class LiveStatus:
         Number of shots since the acquisition was started.
     armed_s
         Time since it was started.
+    disk_free_bytes
+        Room for captures and shot files: what the journal has reserved is not free any more.
     journal_bytes
         Bytes written to the journal so far.
     unsynced_s

@@ -136,7 +136,7 @@ def disk_left(state: RangeState) -> tuple[str, bool]:
     free = state.disk_free_bytes
     text = f"{free / 1e9:.0f} GB" if free >= 1e10 else f"{free / 1e9:.1f} GB"
     rate = state.journal_bytes / state.armed_s if state.armed_s > 5 else 0.0
-    left_s = free / rate if rate > 0 else math.inf
+    left_s = free / rate if rate > 0 else math.inf if free else 0.0
     if left_s < 5 * 86_400:
         text += f", {left_s / 3600:.0f} h" if left_s >= 36_000 else ""
         text += f", {left_s / 3600:.1f} h" if 3600 <= left_s < 36_000 else ""

@@ -95,7 +95,7 @@ def test_a_folder_that_is_gone_ends_nothing(tmp_path: Path) -> None:
 
 
 def test_what_people_read_is_in_the_units_that_the_rig_chose_and_the_file_in_si() -> None:
-    state = day(units=UnitChoice.named(["bar", "g"]), shots=(usable("0003"),))
+    state = day(units=UnitChoice.named(["bar", "g"]), shots=(usable("0003"),), notices=())
     read = {channel.name: channel for channel in state.as_read().channels}
     p_breech, acc = read["p_breech"], read["acc_recoil"]
     assert (p_breech.unit, p_breech.triggers_at, acc.unit) == ("bar", pytest.approx(50.0), "g")
