@@ -155,13 +155,13 @@ class LiveRange:
         self._worker = WarmWorker() if worker is None else worker
         self._work = ShotWork(
             rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._follow,
-            self._worker,
+            self._worker, excluded=lambda _: self._masses.combine() if self._masses is not None else None,
         )  # fmt: skip
         for shot in left:
             shot.complete_s = time.monotonic()
             self._shots.append(shot)
             display.notice(f"shot {shot.name}, recovered, waits for files of {', '.join(shot.missing)} with its number")
-        self._keys = RangeKeys(display, self._files, self._work, self._heed)
+        self._keys = RangeKeys(display, self._files, self._work, self._heed, asks_mass=options.asks_mass)
         self._overviews = OverviewWork(self._worker, options.out, display)
         self._masses = MassWork(self._worker, options.out, display) if options.identify else None
         self._states = RangeStates(

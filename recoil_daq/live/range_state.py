@@ -168,9 +168,13 @@ class RangeShot:
     provisional
         Whether what its mass rests on is to change: other files are to come, or the full rate.
     age_s
-        Time since its verdict, s; None until there is one.
+        Time since its verdict, s; None until there is one, and of a shot of before this session.
     overview
         SHA-256 of the shot file of which its overview is; empty until there is one.
+    excluded
+        Reason why it is left out of the mass, as somebody at the keys wrote it; empty if it is not.
+    seen
+        Whether somebody at the keys has seen its verdict.
     """
 
     name: str
@@ -189,6 +193,8 @@ class RangeShot:
     age_s: float | None = None
     growing: tuple[str, ...] = ()
     overview: str = ""
+    excluded: str = ""
+    seen: bool = False
 
     @classmethod
     def of(
@@ -216,6 +222,8 @@ class RangeShot:
             provisional=bool(shot.previews) or bool((shot.mass or {}).get("provisional")),
             age_s=None if now_s is None or shot.judged_s is None else now_s - shot.judged_s,
             growing=tuple(sorted(shot.growing)),
+            excluded=shot.excluded,
+            seen=shot.seen,
             overview=shot.overview,
         )  # fmt: skip
 
@@ -234,6 +242,7 @@ class RangeShot:
             "mass": self.mass,
             "mass_to_come": self.mass_to_come,
             "provisional": self.provisional,
+            "excluded": self.excluded or None,
             "figures": [asdict(figure) for figure in self.figures],
             "peaks": {name: list(ends) for name, ends in (self.peaks or {}).items()},
             "overview": self.overview or None,

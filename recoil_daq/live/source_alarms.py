@@ -52,7 +52,7 @@ class SourceAlarms:
             return
         spoilt = self._spoilt(source, now_s)
         if source.state == "lost":
-            yield f"{name} LOST"
+            yield f"{name} LOST: it is opened as soon as it is back"
         if name not in self._triggering | self._needed:
             return
         remedy = _REMEDIES.get(live.counted, "check its settings and its cable")

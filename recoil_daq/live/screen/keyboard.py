@@ -64,12 +64,12 @@ class Keyboard:
         return self._fd >= 0
 
     def key(self) -> str:
-        """Return the key that was pressed first since the last call, in lower case; empty if none was."""
+        """Return the key that was pressed first since the last call; empty if none was."""
         if self._fd < 0:
             return ""
         self._pressed += self._keys_in(_sent(self._fd))
         key, self._pressed = self._pressed[:1], self._pressed[1:]
-        return key.lower()
+        return key
 
     def _keys_in(self, sent: bytes) -> str:
         """Return the characters among what the terminal sent."""

@@ -133,10 +133,12 @@ class MassWork:
             self._ask(shot, thin=False, after=True)
             return
         self._identified[shot.name] = shot
-        self._combine()
+        self.combine()
 
-    def _combine(self) -> None:
-        """Ask what the shots say together; what was asked before this shot is not waited for."""
+    def combine(self) -> None:
+        """Ask what the shots say together; what was asked before is not waited for."""
+        if not self._identified:
+            return
         if self._combining is not None:
             self._worker.drop(self._combining)
         task = self._out, tuple(self._identified)

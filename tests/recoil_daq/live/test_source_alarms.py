@@ -22,8 +22,8 @@ def alarms() -> SourceAlarms:
         ("can", "silent", 1.6, "can SILENT: the trigger looks at it"),
         ("imu", "silent", None, "imu SILENT: check its supply and its cable"),
         ("imu", "silent", 1.2, ""),  # one that sends once a second is late by now and then
-        ("imu", "lost", 0.3, "imu LOST"),
-        ("aside", "lost", 0.3, "aside LOST"),
+        ("imu", "lost", 0.3, "imu LOST: it is opened as soon as it is back"),
+        ("aside", "lost", 0.3, "aside LOST: it is opened as soon as it is back"),
         ("aside", "silent", 9.0, ""),
         (
             "imu",
