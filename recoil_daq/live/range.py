@@ -30,12 +30,13 @@ from recoil_daq.live.range_states import RangeStates
 from recoil_daq.live.rest_watch import RestWatch
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.shots.dropped_files import DroppedFiles
+from recoil_daq.live.shots.earlier_shots import EarlierShots
 from recoil_daq.live.shots.mass_work import MassWork
 from recoil_daq.live.shots.overview_work import OverviewWork
 from recoil_daq.live.shots.shot_work import ShotWork
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT
 from recoil_daq.live.trigger_decisions import PARTS_OF_REST, TriggerDecisions
-from recoil_daq.warm_worker import WarmWorker
+from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.left_out import left_out
 from recoil_rigs.shots.live_sources import live_sources, told_by
@@ -110,6 +111,16 @@ class LiveRange:
         Shots of a session that crashed, which wait for files of other instruments: they are given those that bear their
         number, and finished as the session's own are.
 
+    earlier
+        Work that reads the shots that are in the folder, see `recoil_daq.live.shots.earlier_shots`.
+    recovered
+        Names of shots that were recovered from a session that crashed.
+
+    Attributes
+    ----------
+    last
+        State in which it ended; None until it has.
+
     Raises
     ------
     RigError, DeviceError, ReadError
@@ -128,6 +139,8 @@ class LiveRange:
         rest_s: float = 0.0,
         worker: WarmWorker | None = None,
         left: Sequence[LiveShot] = (),
+        earlier: WarmWork | None = None,
+        recovered: Sequence[str] = (),
     ) -> None:
         self._rig = rig
         self._options = options
@@ -164,11 +177,13 @@ class LiveRange:
         self._keys = RangeKeys(display, self._files, self._work, self._heed, asks_mass=options.asks_mass)
         self._overviews = OverviewWork(self._worker, options.out, display)
         self._masses = MassWork(self._worker, options.out, display) if options.identify else None
+        self._earlier, self._recovered = EarlierShots(earlier), recovered
         self._states = RangeStates(
             rig, options, display, [s for s in rig.sources if s.name in live | elsewhere], self._shots,
             files=self._files, work=self._work, masses=self._masses, decisions=self._decisions, losses=self._losses,
-            rest=rest,
+            rest=rest, earlier=self._earlier,
         )  # fmt: skip
+        self.last: RangeState | None = None
         self._interruption = Interruption()
         self._asking = self._left = self._refused = False
         self._dropped_until_s = -math.inf  # what fired at rest until then is no shot
@@ -218,10 +233,16 @@ class LiveRange:
                     session.arm()
                     started()
                     if self._rests(session):
+                        self._say_recovered()
                         self._go_on(session)
                 finally:
                     self._end(session)
         return self._outcome
+
+    def _say_recovered(self) -> None:
+        """Say that it is armed, and what is there of the session that crashed."""
+        if self._recovered and not self._not_armed:
+            self._display.notice(f"armed again after a crash; recovered: {', '.join(self._recovered)}")
 
     def _taken(self, sources: Sequence[LiveSource]) -> tuple[LiveSource, ...]:
         """Return the sources of a session: all but those that are left out of it."""
@@ -346,7 +367,8 @@ class LiveRange:
             self._close(session)
             self._outcome.interrupted = self._interruption.asked
             self._write_log(session.journal_folder.name)
-            self._keep(self._states.state(session, self._alerts, self._asked))
+            self.last = self._states.state(session, self._alerts, "")
+            self._keep(self.last)
 
     def _complete(self, session: LiveSession) -> None:
         if not self._failed(session):
@@ -460,6 +482,8 @@ class LiveRange:
         if window is not None:
             self._begin(session, window)
         self._work.look(session)
+        if (earlier := self._earlier.look(self._shots)) and self._masses is not None:
+            self._masses.know(earlier)
         self._overviews.look()
         if self._masses is not None:
             self._masses.look()
@@ -469,7 +493,7 @@ class LiveRange:
         self._overviews.begin(shot)
         if self._masses is None:
             return
-        if shot.state is ShotState.USABLE:
+        if shot.state in (ShotState.USABLE, ShotState.RECORD_ONLY, ShotState.NOT_USABLE):
             self._masses.begin(shot)
         else:
             self._masses.forget(shot)

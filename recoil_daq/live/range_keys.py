@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from recoil_acquisition.capture.live_session import LiveSession
-from recoil_daq.live.added_mass import NOT_STATED, QUESTION, AddedMass, mass_entry
+from recoil_daq.live.added_mass import NOT_STATED, AddedMass, mass_entry
 from recoil_daq.live.display import Display
 from recoil_daq.live.line_entry import LineEntry
 from recoil_daq.live.log_words import EXCLUDE, NOTES, LogWords
@@ -62,7 +62,7 @@ class RangeKeys:
         """What the next shot carries; empty where it was said, or nobody is to be asked."""
         carries = self._work.in_turn
         if carries is None and self._asks_mass:
-            return f"{QUESTION}, Enter to leave it: "
+            return "added mass of the shots to come, kg, and its u; Enter: not now"
         return "" if carries is None else f"does shot {self._work.next_name} carry {carries}? y yes, m another"
 
     def look(self, session: LiveSession) -> bool:

@@ -15,6 +15,7 @@ from recoil_daq.live.range_state import OLD_S, RangeShot, RangeSource, RangeStat
 from recoil_daq.live.rest_watch import RestWatch
 from recoil_daq.live.shot import LiveOptions, LiveShot
 from recoil_daq.live.shots.dropped_files import DroppedFiles
+from recoil_daq.live.shots.earlier_shots import EarlierShots
 from recoil_daq.live.shots.mass_work import MassWork
 from recoil_daq.live.shots.shot_work import ShotWork
 from recoil_daq.live.source_alarms import SourceAlarms
@@ -44,6 +45,8 @@ class RangeStates:
         Shots of the session, as it stands.
     masses
         Masses of the shots; None if none is identified.
+    earlier
+        Shots of before this session.
 
     Attributes
     ----------
@@ -65,11 +68,13 @@ class RangeStates:
         decisions: TriggerDecisions,
         losses: DeviceLosses,
         rest: RestWatch,
+        earlier: EarlierShots,
     ) -> None:
         self._rig, self._options, self._display = rig, options, display
         self._sources, self._shots = sources, shots
         self._files, self._work, self._masses = files, work, masses
         self._decisions, self._losses, self._rest = decisions, losses, rest
+        self._earlier = earlier
         triggering = () if rig.trigger is None else rig.trigger.channels
         self._alarms = SourceAlarms(
             {c.source for c in rig.channels if c.name in triggering}, {c.source for c in rig.channels if c.role}
@@ -108,7 +113,8 @@ class RangeStates:
             self._since = status.state, now_s
         within_s = self._options.files_within_s
         awaited = frozenset[str]() if self._masses is None else self._masses.awaited
-        shots = [
+        shots = [RangeShot.of(shot) for shot in self._earlier.shots]
+        shots += [
             RangeShot.of(
                 shot, max(shot.complete_s + within_s - now_s, 0.0), now_s=now_s, mass_to_come=shot.name in awaited
             )

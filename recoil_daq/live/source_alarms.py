@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from recoil_daq.live.range_state import RangeSource
 
-SILENT_S = 1.5
+SILENT_S = 1.2
 """Silence of a source, s, from which on it is an alarm."""
 SPOILT = 0.1
 """Share of what came within `LOOKED_BACK_S` that belongs to no good frame, from which on it is an alarm."""

@@ -140,7 +140,8 @@ STATES = {
         ),
     ),
     "lost": day(
-        alert="imu LOST: it is opened as soon as it is back", sources=(*SOURCES[:2], _LOST, SOURCES[3]), unsynced_s=2.4, unseen_bytes=7700,
+        alert="imu LOST: it is opened as soon as it is back",
+        sources=(*SOURCES[:2], _LOST, SOURCES[3]), unsynced_s=2.4, unseen_bytes=7700,
         disk_free_bytes=900_000_000, added_mass="120 kg, u 0.1 kg",
     ),
     "quit": day(asked="ARMED: end the session? y yes, n go on"),

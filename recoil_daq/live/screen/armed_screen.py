@@ -161,7 +161,7 @@ class ArmedScreen:
 
     def key(self, *, typed: bool = False) -> str:
         """Return the key that was pressed; that for the words is answered here, unless it is of a text."""
-        key = self._keyboard.key()
+        key = self._keyboard.key(typed=typed)
         if typed or key.lower() != WORDS_KEY:
             return key if typed else key.lower()
         self._words, self._drawn_s = not self._words, -math.inf

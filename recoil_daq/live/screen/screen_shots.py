@@ -24,7 +24,7 @@ COLOURED_S = 180.0
 LARGE_S = 60.0
 """Time for which the last verdict is in large letters, s, unless somebody has seen it."""
 _VERDICT_WIDTH, _FIGURE_WIDTH = 25, 9
-_MOST_REASON = 3
+_MOST_REASON = 4
 SHOT_STYLES = {
     ShotState.USABLE: "green",
     ShotState.RECORD_ONLY: "bold yellow",
@@ -55,6 +55,8 @@ def shot_lines(
     lines = [block[0] for block in blocks]
     if len(head) + len(lines) <= rows:
         return [*head, *lines]
+    if rows < 2 and len(lines) < 2:
+        return lines[:rows]
     if rows < 2:
         more = line_of(f"  +{len(lines) - 1} more", "dim")
         return [line + more if line.cell_len + more.cell_len <= width else line for line in lines[:rows]]
@@ -126,7 +128,7 @@ def _judged_line(shot: RangeShot, name: str, look: Look, style: str, shots: Sequ
     plural = "" if count == 1 else "s"
     warnings = (f", {count} warn" if look.narrow else f", {count} warning{plural}") if count else ""
     if shot.excluded:
-        warnings = ", excl." if look.narrow else ", excluded"
+        warnings = ", excluded" if usable and not look.narrow else ", excl."
     of_figures = {figure.code: figure for figure in shot.figures}
     text = line_of(f"{name} " if look.narrow else f"{name:4}  ")
     text.append("usable" if usable else str(shot.state).upper(), style)

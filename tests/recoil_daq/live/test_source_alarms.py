@@ -19,9 +19,9 @@ def alarms() -> SourceAlarms:
 @pytest.mark.parametrize(
     ("name", "state", "age_s", "text"),
     [
-        ("can", "silent", 1.6, "can SILENT: the trigger looks at it"),
+        ("can", "silent", 1.3, "can SILENT: the trigger looks at it"),
         ("imu", "silent", None, "imu SILENT: check its supply and its cable"),
-        ("imu", "silent", 1.2, ""),  # one that sends once a second is late by now and then
+        ("imu", "silent", 1.1, ""),  # one that sends once a second is late by now and then
         ("imu", "lost", 0.3, "imu LOST: it is opened as soon as it is back"),
         ("aside", "lost", 0.3, "aside LOST: it is opened as soon as it is back"),
         ("aside", "silent", 9.0, ""),

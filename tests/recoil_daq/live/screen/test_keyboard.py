@@ -85,6 +85,8 @@ def test_what_is_pasted_counts_as_no_key(terminal) -> None:
         assert keys(keyboard) == ""
         os.write(terminal[0], "дT".encode())
         assert keys(keyboard) == "дT"
+        os.write(terminal[0], b"Wind from the left")
+        assert keyboard.key(typed=True) == "W"
 
 
 @posix
