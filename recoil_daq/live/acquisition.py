@@ -17,6 +17,7 @@ from recoil_acquisition.log.segment import SUFFIX
 from recoil_daq.live.display import Display
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range import REST_S, LiveRange, trigger_of
+from recoil_daq.live.range_state import RangeState
 from recoil_daq.live.recover import recover_journal
 from recoil_daq.live.recovered import RecoveredShot
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState, free_number
@@ -125,7 +126,9 @@ def run_live(
             return outcome
 
 
-def _hand_over(worker: WarmWorker, options: LiveOptions, outcome: LiveOutcome, display: Display) -> None:
+def _hand_over(
+    worker: WarmWorker, options: LiveOptions, outcome: LiveOutcome, display: Display, last: RangeState | None
+) -> None:
     """Write the page of the day, where shots are identified; what is wrong with it is said, and ends nothing."""
     if not options.identify or outcome.error is not None or not any(shot.document for shot in outcome.shots):
         return

@@ -194,7 +194,7 @@ def test_the_state_of_the_session_stays_for_others_to_read(two_shots: Day) -> No
     assert left["decision"]["text"].startswith("trigger (p_brake at ")
     seen = two_shots.display.last
     assert seen is not None
-    assert {source.state for source in seen.sources} <= {"live", "silent", "for files"}
+    assert {source.state for source in seen.sources} <= {"live", "silent", "stopped", "for files"}
 
 
 def test_numbers_go_on_where_a_folder_already_has_shots(two_shots: Day) -> None:
