@@ -18,7 +18,7 @@ import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from recoil_acquisition.packages.extras import CLUSTER, DEWESOFT, EXTRAS, MDF, PARQUET, PDF, TDMS, XLSX, Extra
+from recoil_acquisition.packages.extras import CLUSTER, DEWESOFT, EXTRAS, MDF, PARQUET, PDF, SERVE, TDMS, XLSX, Extra
 
 ROOT = Path(__file__).resolve().parents[1]
 OTHERS = ("python3.11", "python3.12", "python3.13", "python3.14")
@@ -32,8 +32,9 @@ NEEDS: tuple[tuple[Extra, tuple[str, ...]], ...] = (
     (XLSX, ("show", "tracks.xlsx")),
     (DEWESOFT, ("show", "shot.dxd")),
     (CLUSTER, ("identify", SHOT, "--cluster", "tcp://127.0.0.1:1", "--out", "elsewhere")),
+    (SERVE, ("serve", "none")),
 )
-"""Commands that need an extra; the last three have nothing to read or to reach, and say that when it is there."""
+"""Commands that need an extra; the last four have nothing to read or to reach, and say that when it is there."""
 
 
 class Environment:
@@ -109,9 +110,9 @@ def extras(folder: Path, _: list[str]) -> Iterable[str]:
             raise RuntimeError(f"{' '.join(words)} does not say in one line: {extra.remedy}\n{said}")
         yield f"without {extra.name}: {said}"
     environment.install(f"{wheel}[{','.join(EXTRAS)}]")
-    for extra, words in NEEDS[:-3]:
+    for extra, words in NEEDS[:-4]:
         yield f"with {extra.name}: {environment.command(*words).strip().splitlines()[-1]}"
-    for extra, words in NEEDS[-3:]:
+    for extra, words in NEEDS[-4:]:
         said = environment.command(*words, code=3).strip()
         if extra.remedy in said:
             raise RuntimeError(f"{extra.name} is installed, and {' '.join(words)} still says: {said}")

@@ -43,9 +43,9 @@ class StateFile:
 
     def write(self, state: RangeState) -> str:
         """Write a state; return why it cannot be written, empty if it was, or a reader on Windows has the file open."""
-        document = state_document(state)
-        text = json.dumps(document, allow_nan=False, separators=(",", ":"))
         try:
+            document = state_document(state)
+            text = json.dumps(document, allow_nan=False, separators=(",", ":"))
             replace_text(self.path, text)
             replace_text(self.path.with_name(SCRIPT), f"window.live = {text};\n")
             now_s = time.monotonic()
@@ -59,4 +59,6 @@ class StateFile:
         except OSError as error:
             is_open = os.name == "nt" and isinstance(error, PermissionError)
             return "" if is_open else error.strerror or str(error)
+        except Exception as error:  # whatever is in a state, showing it ends no recording
+            return f"{type(error).__name__}: {error}"
         return ""

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import AlignmentError, IdentificationError, RecoilDaqError, StoreError
@@ -202,13 +203,13 @@ def _zero_s(shot: Shot) -> float | None:
         if channel is None or channel.time_base.clock != shot.reference_clock:
             continue
         try:
-            return float(find_onset(channel.time_base.times_s, {role: channel.samples}))
+            return float(find_onset(channel.time_base.times_s, {role: np.asarray(channel.samples, dtype=np.float64)}))
         except IdentificationError:
             continue
     return None
 
 
-def _pieces(times_s: Array, samples: Array, most: int) -> dict[str, Any]:
+def _pieces(times_s: Array, samples: NDArray[np.floating[Any]], most: int) -> dict[str, Any]:
     """Return the samples themselves, or the lowest and the highest of each of so many pieces of equal length."""
     count = len(times_s)
     if count == 0:
@@ -228,7 +229,7 @@ def _pieces(times_s: Array, samples: Array, most: int) -> dict[str, Any]:
     return {"first_s": middle_s, "step_s": step_s, "times": None, "low": _packed(low), "high": _packed(high)}
 
 
-def _packed(values: Array) -> str:
+def _packed(values: NDArray[np.floating[Any]]) -> str:
     """Write numbers as a page unpacks them: 32 bits each, little-endian, in base 64."""
     with np.errstate(over="ignore"):
         return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import subprocess
 import sys
@@ -9,9 +10,11 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from recoil_acquisition.errors import ErrorCode, ReadError
 from recoil_acquisition.packages.extras import SERVE
+from recoil_acquisition.processes.child_process import BELOW_NORMAL
 from recoil_daq.serving.access import Access
 from recoil_daq.serving.page_app import PageApp
 from recoil_daq.serving.served_folder import ServedFolder
@@ -121,11 +124,16 @@ def served_beside(folder: Path, notice: Callable[[str], None]) -> Iterator[None]
     notice
         Function called with the address, or with why nothing is served.
     """
+    apart: dict[str, Any] = {"process_group": 0}
+    if sys.platform == "win32":
+        apart = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP | subprocess.BELOW_NORMAL_PRIORITY_CLASS}
     process = subprocess.Popen(  # noqa: S603 - this program itself, without a shell
         [sys.executable, "-P", "-m", "recoil_daq.cli", "serve", "--while-asked", "--", str(folder)],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, encoding="utf-8",
-        errors="replace", **({} if sys.platform == "win32" else {"process_group": 0}),
+        errors="replace", **apart,
     )  # fmt: skip
+    if sys.platform != "win32":
+        os.setpriority(os.PRIO_PROCESS, process.pid, BELOW_NORMAL)
 
     def tell() -> None:
         line = "" if process.stdout is None else process.stdout.readline().strip()

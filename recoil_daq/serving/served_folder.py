@@ -8,7 +8,7 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
-from urllib.parse import unquote_to_bytes
+from urllib.parse import quote, unquote_to_bytes
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.regular_file import open_regular
@@ -62,7 +62,8 @@ class ServedFolder:
     def reports(self) -> list[str]:
         """Return the paths of the pages below the folder, of two folders' depth."""
         found = (path for depth in ("*.html", "*/*.html", "*/*/*.html") for path in self.root.glob(depth))
-        return sorted(path.relative_to(self.root).as_posix() for path in found if self._is_plain(path))
+        paths = (path.relative_to(self.root).as_posix() for path in found if path.is_file() and self._is_plain(path))
+        return sorted(path for path in paths if self._path(f"/{quote(os.fsencode(path))}".encode()) is not None)
 
     def open(self, raw: bytes) -> ServedFile | None:
         """Open what a path names; None if that is no file of the folder that may be read.

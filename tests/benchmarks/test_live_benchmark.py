@@ -23,9 +23,10 @@ from recoil_acquisition.frames.can_rows import parse_rows
 from recoil_acquisition.log.folder import Log, open_log
 from recoil_acquisition.shot.acquisition import Acquisition
 from tests.builders.live_rigs import LiveProcess, armed, kill_and_recover, multicast_device, write_live_rig
+from tests.builders.page_viewers import PageViewers
 from tests.builders.port_player import FRAME_BYTES, NOTHING, BusPlayer, Player, PortPlayer, Tally, tally
 
-KILLS = 50
+KILLS, IDLE_READERS = 50, 200
 
 SECONDS = float(os.environ.get("RECOIL_DAQ_SOAK_S", "60"))
 """How long the soak plays."""
@@ -77,7 +78,8 @@ def _words(one: Tally) -> str:
     )
 
 
-def test_a_full_bus_and_two_fast_ports_are_recorded_without_a_loss(tmp_path, capsys):
+@pytest.mark.parametrize("viewers", [0, 5])
+def test_a_full_bus_and_two_fast_ports_are_recorded_without_a_loss(tmp_path, capsys, viewers: int):
     device = multicast_device()
     with ExitStack() as stack:
         bus = BusPlayer(device, FRAMES_PER_S)
@@ -92,10 +94,14 @@ def test_a_full_bus_and_two_fast_ports_are_recorded_without_a_loss(tmp_path, cap
         for player in (bus, *ports):
             stack.enter_context(player)
         process.recording(folder)
+        seen = None if not viewers else stack.enter_context(PageViewers(tmp_path / "out", viewers, IDLE_READERS))
         watched = watch(process, ports[0], SECONDS, Kept(folder, tmp_path / "kept"))
         for player in (bus, *ports):
             player.end()
         played_s = time.monotonic() - began
+        served = (
+            "" if seen is None else f"{seen.answers} states read, {seen.failures} not, {seen.cpu_s:.1f} s of processor"
+        )
         time.sleep(0.5)
         drops = dropped_datagrams(device["port"], but_of=os.getpid())
         assert process.end(signal.SIGTERM, 60.0) == 130, process.said
@@ -114,6 +120,8 @@ def test_a_full_bus_and_two_fast_ports_are_recorded_without_a_loss(tmp_path, cap
             print(f"  {name}: {one.sent / played_s:,.0f}/s; {_words(one)}")
             if one.lost:
                 print(f"    {gaps(*found[name][:2], watched)}")
+        if served:
+            print(f"  {viewers} viewers beside {IDLE_READERS} idle readers: {served}")
         lag = lags_ms(journal, bus)
         print(
             f"  can: read {np.median(lag):.1f} ms after sending, one in a thousand {np.quantile(lag, 0.999):.0f} ms or"
@@ -128,6 +136,7 @@ def test_a_full_bus_and_two_fast_ports_are_recorded_without_a_loss(tmp_path, cap
     for name, one in tallies.items():
         assert one.sound, f"{name}: {one}"
         assert one.found == one.sent
+    assert seen is None or (seen.failures == 0 and seen.answers > 0)
     assert drops == 0
     assert (survey.lost_records, survey.damaged_bytes) == (0, 0)
     assert len(shots) == len(watched.fired_ns)

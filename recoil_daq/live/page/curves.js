@@ -27,8 +27,15 @@ const Curves = (() => {
     const places = Math.max(0, digits - 1 - Math.floor(Math.log10(Math.abs(value) || 1)));
     return value.toFixed(Math.min(places, 9)).replace("-", "\u2212");
   };
+  // the rig's own units, where it chose some: {quantity, unit, si_per_unit}
+  const QUANTITY = { Pa: "pressure", "m/s^2": "acceleration", "m/s": "velocity", m: "displacement", N: "force", "rad/s": "angular_rate", "rad/s^2": "angular_acceleration" };
+  let chosen = [];
+  const choose = (units) => { chosen = units ?? []; };
+  const choice = (unit) => chosen.find((one) => one.quantity === QUANTITY[unit] && one.si_per_unit > 0);
   const engineering = (value, unit, digits = 3) => {
     if (value == null || !Number.isFinite(value)) return "–";
+    const own = choice(unit);
+    if (own) return `${plain(value / own.si_per_unit, digits)} ${own.unit}`;
     const power = powerOf(Math.abs(Number(value.toPrecision(digits))), unit);
     return `${plain(value / 1000 ** power, digits)} ${unitOf(unit, power)}`.trim();
   };
@@ -116,14 +123,14 @@ const Curves = (() => {
     }
     if (!(least <= most) || !Number.isFinite(most - least)) [least, most] = [0, 1];
     if (least === most) [least, most] = [least - Math.abs(least) / 2 - 1e-9, most + Math.abs(most) / 2 + 1e-9];
-    const margin = 0.05 * (most - least), power = powerOf(Math.max(Math.abs(least), Math.abs(most)), unit);
+    const margin = 0.05 * (most - least), power = powerOf(Math.max(Math.abs(least), Math.abs(most)), unit), own = choice(unit);
     least -= margin; most += margin;
     const y = (value) => TOP + height * (most - value) / (most - least);
     pen.font = `11.5px ${getComputedStyle(document.body).fontFamily}`;
     pen.lineWidth = 1;
     pen.strokeStyle = colour("--rule"); pen.fillStyle = colour("--soft");
     pen.textAlign = "right"; pen.textBaseline = "middle";
-    const scale = 1000 ** power, rows = ticks(least / scale, most / scale, Math.max(2, height / 34));
+    const scale = own ? own.si_per_unit : 1000 ** power, rows = ticks(least / scale, most / scale, Math.max(2, height / 34));
     pen.beginPath();
     for (const value of rows.found) {
       const at = Math.round(y(value * scale)) + 0.5;
@@ -166,7 +173,7 @@ const Curves = (() => {
       pen.beginPath(); pen.moveTo(x, TOP); pen.lineTo(x, TOP + height); pen.stroke();
     }
     pen.restore();
-    return unitOf(unit, power);
+    return own ? own.unit : unitOf(unit, power);
   };
-  return { HUES, LEFT, RIGHT, hue, colour, visible, element, engineering, unitOf, read, open, columns, draw, dark, timeOf };
+  return { HUES, LEFT, RIGHT, hue, colour, visible, element, choose, engineering, unitOf, read, open, columns, draw, dark, timeOf };
 })();

@@ -8,16 +8,14 @@
   of("page").hidden = false;
 
   // ---- age: never by the other computer's clock against this one, which may differ by hours
-  let state = null, utc = "", moved = false, offset = Infinity, looked = now(), seen = now(), lastArmed = -1;
+  let state = null, utc = "", moved = false, offset = Infinity, looked = now(), seen = now();
   const take = (read) => {
     const at = now();
     if (!read || typeof read !== "object" || read.schema !== "recoil-daq/live/1") return;
     const changed = read.utc !== utc;
     if (changed && utc) moved = true;
     if (changed) {
-      if (read.armed_s < lastArmed) offset = Infinity; // another session
-      lastArmed = read.armed_s;
-      // it was written since the last look, whatever the clocks say
+      // it was written since the last look, whatever the clocks say, and by whichever session
       offset = Math.max(Math.min(offset, at - 1000 * read.armed_s), looked - 1000 * read.armed_s);
       seen = Math.max(seen, utc ? 1000 * read.armed_s + offset : at);
       utc = read.utc; state = read;
@@ -59,7 +57,7 @@
     const key = JSON.stringify(what);
     if (made.get(id) === key) return;
     made.set(id, key);
-    of(id).replaceChildren(...make(what));
+    of(id).replaceChildren(...make(what).map((one) => (one instanceof Node ? one : visible(one))));
   };
   const say = (id, text, hidden = !text) => {
     const shown = visible(text);
@@ -73,7 +71,7 @@
   const mass = (found) => {
     const [low, high] = found.U95, places = Math.max(1, 1 - Math.floor(Math.log10(found.u > 0 ? found.u : 1)));
     const text = (value) => (value == null ? "–" : value.toFixed(places));
-    return { value: text(found.value), half: text((high - low) / 2), low: text(low), high: text(high) };
+    return { value: text(found.value), half: text(low == null || high == null ? null : (high - low) / 2), low: text(low), high: text(high) };
   };
   const report = (shot) => `reports/${encodeURIComponent(shot.shot)}/report.html`;
 
@@ -87,13 +85,14 @@
   };
 
   const render = () => {
+    Curves.choose(state.units);
     say("rig", state.rig); of("virtual").hidden = !state.virtual;
     say("utc", clock(state.utc));
     of("state").textContent = WORDS[state.state] ?? visible(state.state).toUpperCase();
     of("now").dataset.state = state.state;
     say("next", state.next_shot); of("next").parentElement.hidden = state.state === "stopped";
-    say("alert", state.alert);
     const step = state.next_step;
+    say("alert", state.alert, !state.alert || state.alert === step.text);
     of("step").dataset.kind = step.kind;
     fill("step", step.text, (text) => [element("span", {}, "Next: "), text]);
     fill("sources", state.sources.map((one) => [one.name, ...sourceState(one), one.losses ?? "", one.growing, one.left_s == null ? null : Math.round(one.left_s)]),
@@ -103,7 +102,7 @@
         left == null ? "" : element("span", { class: "lost" }, `, ${left} s left`))));
     fill("cautions", state.cautions, (texts) => texts.map((text) => element("li", {}, text)));
     const last = state.shots.at(-1) ?? null;
-    fill("verdict", last && [last.shot, last.state, last.why, last.reasons, last.warnings, last.mass, last.mass_to_come, last.provisional], () => (last ? verdict(last) : []));
+    fill("verdict", last && [last.shot, last.state, last.why, last.reasons, last.warnings, last.mass, last.mass_to_come, last.provisional, step.text], () => (last ? verdict(last) : []));
     const newest = [...state.shots].reverse();
     fill("table", newest.map((one) => ({ ...one, left_s: null })), () => [element("thead", {}, heads()), element("tbody", {}, ...newest.map(row))]);
     fill("together", state.campaign, together);
@@ -123,7 +122,9 @@
     } else if (shot.mass_to_come) parts.push(element("div", { class: "mass to-come" }, "mass to come"));
     const why = [...(shot.mass && !shot.mass.valid ? [`mass not valid: ${shot.mass.reason}`] : []), ...(shot.reasons.length ? shot.reasons : shot.state === "usable" ? [] : [shot.why])].filter(Boolean);
     const more = why.length > 1 ? [element("details", {}, element("summary", {}, `${why.length - 1} more`), element("ul", { class: "notes" }, ...why.slice(1).map((text) => element("li", {}, text))))] : [];
-    if (why.length) parts.push(element("p", { class: "why " + kind(shot) }, why[0]), ...more);
+    // what the next step says is not said twice
+    if (why.length && !state.next_step.text.endsWith(why[0])) parts.push(element("p", { class: "why " + kind(shot) }, why[0]));
+    parts.push(...more);
     if (shot.warnings.length) parts.push(element("details", {}, element("summary", {}, `${shot.warnings.length} warning${shot.warnings.length > 1 ? "s" : ""}`), element("ul", { class: "notes" }, ...shot.warnings.map((text) => element("li", {}, text)))));
     return parts;
   };
@@ -135,7 +136,7 @@
     const found = text ? `${text.value} ± ${text.half}` + (shot.mass.valid ? shot.provisional ? " provisional" : "" : " NOT VALID") : shot.mass_to_come ? "to come" : "";
     const cell = (head, name, ...inside) => element("td", { class: name, "data-h": head }, ...inside);
     return element("tr", {}, cell("", "name", shot.shot),
-      cell("", "", element("span", { class: "chip " + { ok: "ok", doubt: "warn", bad: "", way: "way" }[kind(shot)] }, word(shot)), shot.why && shot.state !== "usable" ? ` ${shot.why}` : ""),
+      cell("", "", element("span", { class: "chip " + { ok: "ok", doubt: "warn", bad: "", way: "way" }[kind(shot)] }, word(shot)), shot.excluded ? ` excluded: ${shot.excluded}` : shot.why && shot.state !== "usable" ? ` ${shot.why}` : ""),
       cell("Peak", "n", figure("breech", "drive")), cell("Stroke", "n", figure("stroke")), cell("v max", "n", figure("v max")), cell("Mass, kg", "n", found),
       cell("", "", shot.mass ? element("a", { href: report(shot) }, "report") : ""));
   };

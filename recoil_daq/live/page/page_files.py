@@ -15,6 +15,7 @@ from recoil_acquisition.files.new_file import partial_path
 SCRIPTS = "pages"
 """Folder of the scripts and of the style."""
 LIVE_PAGE, ZOOM_PAGE = "live.html", "zoom.html"
+_INDEX = "overviews/index.js"
 _TEXT = "<!-- the state as text -->"
 
 
@@ -32,6 +33,10 @@ def write_pages(out: Path) -> None:
         **{f"{SCRIPTS}/{name}": _own(name) for name in ("curves.js", "live_page.js", "zoom_page.js")},
         ZOOM_PAGE: _own("zoom.html"),
     }
+    index = out / _INDEX
+    if not index.exists():  # before the first shot: the page asks for it
+        index.parent.mkdir(exist_ok=True)
+        replace_text(index, "window.shots = [];\n")
     for name, text in wanted.items():
         path = out / name
         if not path.is_file() or path.read_bytes() != text.encode():
@@ -69,9 +74,10 @@ def _mass_text(shot: Mapping[str, Any]) -> str:
     mass = shot["mass"]
     if mass is None:
         return ", mass to come" if shot["mass_to_come"] else ""
-    places, (low, high) = mass_decimals(mass["u"], 1), mass["U95"]
+    places = mass_decimals(mass["u"], 1)
+    value, low, high = ("-" if one is None else f"{one:.{places}f}" for one in (mass["value"], *mass["U95"]))
     valid = "VALID" if mass["valid"] else f"NOT VALID: {mass['reason']}"
-    return f", {mass['value']:.{places}f} kg, 95 % {low:.{places}f} to {high:.{places}f}, {valid}"
+    return f", {value} kg, 95 % {low} to {high}, {valid}"
 
 
 def replace_text(path: Path, text: str) -> None:

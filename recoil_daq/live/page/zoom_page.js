@@ -10,7 +10,7 @@
 
   const folder = (shot) => `overviews/${encodeURIComponent(shot)}/`;
   const say = (text) => { of("told").textContent = visible(text); };
-  const byOnset = () => document.querySelector("input[name=zero]:checked").value === "onset";
+  const picked = (name) => document.querySelector(`input[name=${name}]:checked`).value;
 
   const box = (name, on, change) => {
     const input = element("input", { type: "checkbox", value: name });
@@ -51,13 +51,13 @@
       for (const channel of one?.channels ?? []) if (chosenChannels.has(channel.name) && channel.samples) {
         const first = Curves.open(channel.pieces), start = Curves.timeOf(first, 0), end = Curves.timeOf(first, first.count - 1);
         // a clock that is not aligned has no instant of the others': its record begins where theirs does
-        const zero = byOnset() ? (channel.aligned ? one.zero_s ?? start : start) : channel.aligned ? 0 : start;
+        const zero = picked("zero") === "onset" ? (channel.aligned ? one.zero_s ?? start : start) : channel.aligned ? 0 : start;
         curves.push({ shot: name, channel, zero, from: start - zero, to: end - zero, pieces: channel.pieces, label: `${name} ${channel.name}${channel.aligned ? "" : " (clock not aligned)"}` });
       }
     }
-    const units = [...new Set(curves.map((one) => one.channel.unit))];
-    panels = units.map((unit) => {
-      const own = curves.filter((one) => one.channel.unit === unit);
+    const part = (one) => (picked("figure") === "unit" ? one.channel.unit : one.channel.name);
+    panels = [...new Set(curves.map(part))].map((name) => {
+      const own = curves.filter((one) => part(one) === name), unit = own[0].channel.unit;
       own.forEach((one, k) => { one.number = k; });
       const caption = element("figcaption", {}), canvas = element("canvas", { tabindex: 0, role: "img", "aria-label": `${own.map((one) => one.label).join(", ")} over time` });
       listen(canvas);
@@ -146,7 +146,7 @@
     });
   };
   for (const button of document.querySelectorAll("[data-move]")) button.addEventListener("click", () => move[button.dataset.move]());
-  for (const input of document.querySelectorAll("input[name=zero]")) input.addEventListener("change", lay);
+  for (const input of document.querySelectorAll("input[type=radio]")) input.addEventListener("change", lay);
   window.addEventListener("resize", paint);
   Curves.dark.addEventListener("change", paint);
 

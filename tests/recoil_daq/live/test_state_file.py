@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
+
+import pytest
 
 from recoil_daq.live.state_file import StateFile
 from tests.builders.live_status import state_of, status
-from tests.builders.range_states import day
+from tests.builders.range_states import MASS, day, usable
 
-WRITTEN = {"live.json", "live.js", "live.html", "zoom.html", "pages"}
+WRITTEN = {"live.json", "live.js", "live.html", "zoom.html", "pages", "overviews"}
 
 
 def test_a_state_is_written_over_the_one_before_and_leaves_nothing_else(tmp_path: Path) -> None:
@@ -39,6 +42,18 @@ def test_the_page_says_the_last_state_without_scripts_and_obeys_no_name_in_it(tm
     assert "shot 0002: USABLE, 783.0 kg, 95 % 777.8 to 788.2, VALID" in text
     assert "<" not in text
     assert page.count("<script") == 2
+
+
+def test_a_mass_without_a_number_is_shown_as_none(tmp_path: Path) -> None:
+    none = {**MASS, "value": math.nan, "u": math.nan, "U95": [math.nan, math.nan]}
+    assert StateFile(tmp_path).write(day(shots=(usable("0003", mass=none),))) == ""
+    assert "shot 0003: USABLE, - kg, 95 % - to -, VALID" in (tmp_path / "live.html").read_text(encoding="utf-8")
+
+
+def test_whatever_is_in_a_state_ends_no_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("recoil_daq.live.state_file.live_page", lambda _: 1 / 0)
+    assert StateFile(tmp_path).write(day()).startswith("ZeroDivisionError")
+    assert json.loads((tmp_path / "live.json").read_text())["state"] == "armed"
 
 
 def test_the_last_state_of_a_session_is_on_the_page_at_once(tmp_path: Path) -> None:
