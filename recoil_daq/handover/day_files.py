@@ -26,12 +26,15 @@ _KINDS = (
     ("reports", "reports: mass, uncertainty, figures"),
     ("campaign", "what the shots say together"),
     ("day.*", "this page, and its numbers for machines"),
+    ("live.*", "how the session was doing at its end, and its page"),
+    ("pages", "scripts of that page"),
+    ("zoom.*", "page that overlays channels of shots"),
+    ("overviews", "what that page draws"),
     ("captures", "all that was received of each shot, byte for byte"),
     ("recovered", "all that could be read of a journal that was left over"),
     ("journal", "recorded and in no capture: `recoil-daq recover` first"),
     ("incoming", "files that other instruments dropped"),
     ("sessions", "what each session decided, and what went wrong"),
-    ("live.*", "how the session was doing at its end"),
 )
 """Names in the folder of a day, and what is there."""
 _LOSSES = frozenset(
