@@ -106,8 +106,10 @@ class RangeStates:
         """
         status, now_s = session.status, time.monotonic()
         sources = tuple(self._source(source, status, now_s) for source in self._sources)
-        alarms = self._alarms.look(sources, now_s) if status.armed_s > OLD_S else ()
-        full = FULL if status.disk_free_bytes < DISK_FULL_BYTES else ""
+        # a virtual rig is silent when it has played, and disarmed then
+        heard = status.armed_s > OLD_S and not (self._virtual and status.state == "disarmed")
+        alarms = self._alarms.look(sources, now_s) if heard else ()
+        full = FULL if status.disk_free_bytes < DISK_FULL_BYTES and status.state != "stopped" else ""
         alerts = [*alerts, *alarms, *(text for text in (status.alert, self._files.away, full) if text)]
         if self._since[0] != status.state:
             self._since = status.state, now_s

@@ -14,7 +14,7 @@ from recoil_acquisition.clocks.host_clock import anchor
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
 from recoil_acquisition.trigger import Decision
 from recoil_acquisition.trigger.decision import Suppression
-from recoil_daq.live import range_keys
+from recoil_daq.live import range_keys, range_states
 from recoil_daq.live.range_state import RangeState
 from recoil_rigs.rig import load_rig
 from tests.builders.live_status import CAN, IMU, status
@@ -137,6 +137,7 @@ def test_every_silent_source_on_which_a_role_hangs_is_an_alert_armed_or_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     silent = replace(CAN, age_s=3.0)
+    monkeypatch.setattr(range_states, "is_virtual_rig", lambda _: False)
     monkeypatch.setattr(PlayedSession, "status", property(lambda s: status(
         state="armed" if s.armed else "disarmed", sources=(silent, replace(IMU, age_s=None)),
     )))  # fmt: skip
