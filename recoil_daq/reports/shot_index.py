@@ -137,7 +137,10 @@ def listed(
         elif one is not None:
             rows.append(one)
     failed = [{"file": str(one.path), "error": str(one)} for one in faults]
-    return index_document(rows, version=__version__, failed=failed), tuple(faults)
+    document = index_document(rows, version=__version__, failed=failed)
+    if len(found.units) == 1:
+        document["issued"] = {"units": [*next(iter(found.units))]}
+    return document, tuple(faults)
 
 
 @dataclass(frozen=True)
@@ -150,12 +153,15 @@ class _Files:
         Reports in a folder beside one of shot files: those count that are of one of its shots.
     logs
         Shot logs by folder, as far as they were read.
+    units
+        Units in which reports that were read are to be read: where all agree, so is what they are listed in.
     """
 
     shots: tuple[Path, ...]
     reports: tuple[Path, ...]
     beside: frozenset[Path] = frozenset()
     logs: dict[Path, ShotLog] = field(default_factory=dict)
+    units: set[tuple[str, ...]] = field(default_factory=set)
 
     @classmethod
     def of(cls, places: Sequence[Path]) -> _Files:
@@ -237,6 +243,7 @@ class _Files:
             fault = report_fault(document)
             row = row_of_report(document)
             shot_file = by_digest.get(str(document["provenance"]["inputs"][0]["sha256"]))
+            self.units.add(tuple(str(name) for name in (document.get("issued") or {}).get("units") or ()))
             INDEX.worded({"shots": [row]})  # what can be worded by itself can be worded among others
         row["report"] = way_to_page(home, path.parent)
         if fault:

@@ -34,6 +34,7 @@ from recoil_daq.live.screen.screen_shots import (
 )
 from recoil_daq.live.screen.screen_sources import lost_lines, source_lines
 from recoil_daq.live.screen.screen_table import line_of, wrapped
+from recoil_daq.live.shot import ShotState
 from recoil_daq.live.shots.mass_work import campaign_line
 
 if TYPE_CHECKING:
@@ -198,9 +199,12 @@ def _bottom(state: RangeState, look: Look) -> list[Text]:
     if not look.has_keys:
         return [line_of(" no keys here: Ctrl-C quits ", "reverse")]
     words = "w back" if look.words else "w words"
+    waits = any(shot.state is ShotState.WAITING and shot.missing for shot in state.shots)
     of_shot = "x exclude  l note  " if state.shots else ""
     if newest_verdict(state) is not None:
         keys = f"space seen  {of_shot}m mass"
+    elif look.width < NARROW and waits:
+        keys = "c goes on without it  a arm  d disarm"
     elif look.width < NARROW:
         keys = "a arm  d disarm  t trigger  m mass"
     else:

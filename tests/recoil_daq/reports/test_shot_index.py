@@ -98,6 +98,19 @@ def test_reports_that_lie_beside_the_shots_are_found_and_those_of_other_shots_ar
 
 
 @pytest.mark.whole_way
+def test_peaks_are_in_the_units_that_all_reports_chose(day: Path) -> None:
+    first = json.loads((day / "reports" / "0001" / "report.json").read_text("utf-8"))
+    for name in ("0002", "0003"):
+        like(day, name, issued={**(first.get("issued") or {}), "units": ["bar"]})
+    shutil.rmtree(day / "reports" / "0001")
+    done = index_shots([day / "reports"], out=day / "index")
+    assert "/&nbsp;bar" in done.page.read_text("utf-8")
+    like(day, "0004")
+    done = index_shots([day / "reports"], out=day / "index", overwrite=True)
+    assert "/&nbsp;bar" not in done.page.read_text("utf-8")
+
+
+@pytest.mark.whole_way
 def test_what_the_log_says_now_goes_before_what_it_said(run: Run, day: Path) -> None:
     run("log", day / "shots" / "0001.h5", "configuration=ring", "charge=2", "added_mass_kg=120", "exclude=misfire")
     (row,) = index_shots([day], out=day / "index").document["shots"]
