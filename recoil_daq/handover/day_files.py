@@ -76,7 +76,8 @@ class DayFiles:
         """
         if not folder.is_dir():
             raise ReadError("no such folder", path=folder, remedy="name the folder of the day's shot files")
-        files, others = [], []
+        files = list[Path]()
+        others = list[Path]()
         try:
             for path in _under(folder):
                 (files if path.is_file() and not path.is_symlink() else others).append(path)
@@ -129,7 +130,7 @@ def refuse_armed(folder: Path) -> None:
 
 
 def _weighs(finding: Mapping[str, Any]) -> bool:
-    return finding["severity"] != "note"
+    return str(finding["severity"]) != "note"
 
 
 def _under(folder: Path) -> Iterator[Path]:
