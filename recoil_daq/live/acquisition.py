@@ -130,7 +130,7 @@ def _hand_over(
     worker: WarmWorker, options: LiveOptions, outcome: LiveOutcome, display: Display, last: RangeState | None
 ) -> None:
     """Write the page of the day, where shots are identified; what is wrong with it is said, and ends nothing."""
-    if not options.identify or outcome.error is not None or not any(shot.document for shot in outcome.shots):
+    if not options.identify or outcome.error is not None or not any(options.out.glob("*.h5")):
         return
     doing = "making the page of the day; Ctrl-C leaves that to `recoil-daq day`"
     display.notice(doing)
@@ -217,7 +217,8 @@ def _recover(rig: Rig, options: LiveOptions, display: Display) -> tuple[list[Liv
         except Exception as error:  # whatever is in an old journal, it keeps no range from being armed
             display.notice(f"it is left as it is: {type(error).__name__}: {error}")
             continue
-        recovered += [f"shot {shot.name}" for shot in done.shots] or ["no shot, there was none in it"]
+        new = [f"shot {shot.name}" for shot in done.shots if not shot.was_there]
+        recovered += new or ["no shot that had no capture"]
         for shot in done.shots:
             capture = f"its capture is {shot.path}"
             what = capture if shot.shot_file is None else f"its shot file is {shot.shot_file}"

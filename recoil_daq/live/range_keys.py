@@ -62,7 +62,7 @@ class RangeKeys:
         """What the next shot carries; empty where it was said, or nobody is to be asked."""
         carries = self._work.in_turn
         if carries is None and self._asks_mass:
-            return "added mass of the shots to come, kg, and its u; Enter: not now"
+            return "added mass of the next shots, kg, and u; Enter: not now"
         return "" if carries is None else f"does shot {self._work.next_name} carry {carries}? y yes, m another"
 
     def look(self, session: LiveSession) -> bool:

@@ -9,12 +9,20 @@ import pytest
 
 from recoil_acquisition.errors import StoreError
 from recoil_daq.live import acquisition as module
-from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot
+from recoil_daq.live.shot import LiveOptions, LiveOutcome
 from tests.builders.range_session import Told
 from tests.builders.range_states import day
 
-DOCUMENT = {"usable": True, "reasons": [], "quality": []}
-DONE = LiveOutcome("mixed", shots=[LiveShot("0001", document=DOCUMENT)])
+DONE = LiveOutcome("mixed")
+
+
+@pytest.fixture(autouse=True)
+def shots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of a day with a shot, be it of an earlier session."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "shots").mkdir()
+    (tmp_path / "shots" / "0001.h5").write_bytes(b"")
+    return tmp_path / "shots"
 
 
 class Work:
@@ -71,9 +79,10 @@ def test_what_is_wrong_with_it_is_said_and_ends_nothing(result: BaseException, s
     assert display.notices[-1] == said
 
 
-def test_nothing_is_made_of_a_session_without_shots_without_masses_or_with_an_error() -> None:
+def test_nothing_is_made_of_a_session_without_masses_with_an_error_or_of_a_folder_without_shots(shots: Path) -> None:
     work, display = Work(""), Told()
-    handed_over(work, display, LiveOutcome("mixed"))
     handed_over(work, display, identify=False)
-    handed_over(work, display, LiveOutcome("mixed", shots=DONE.shots, error=StoreError("full")))
+    handed_over(work, display, LiveOutcome("mixed", error=StoreError("full")))
+    (shots / "0001.h5").unlink()
+    handed_over(work, display)
     assert (work.asked, display.notices) == ([], [])

@@ -254,7 +254,7 @@ def test_it_is_armed_before_anybody_says_what_was_added_and_the_keys_work_meanwh
     monkeypatch.setattr(display, "show", shown)
     one.run()
     assert (shown.states[0].state, shown.asked[0]) == (
-        "armed", "added mass of the shots to come, kg, and its u; Enter: not now"
+        "armed", "added mass of the next shots, kg, and u; Enter: not now"
     )  # fmt: skip
     assert display.told("disarmed: nothing will trigger")
     assert display.told("added mass of the shots to come: 12.5 kg, taken as exact")
