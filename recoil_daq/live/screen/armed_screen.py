@@ -18,7 +18,7 @@ from recoil_daq.live.range_state import RangeState
 from recoil_daq.live.screen.keyboard import Keyboard
 from recoil_daq.live.screen.screen_look import Look
 from recoil_daq.live.screen.screen_picture import picture
-from recoil_daq.live.screen.screen_shots import LARGE_S
+from recoil_daq.live.screen.screen_shots import LARGE_S, SHOT_STYLES
 from recoil_daq.live.shot import ShotState
 from recoil_daq.terminal.verdict_line import VerdictLine
 
@@ -115,7 +115,8 @@ class ArmedScreen:
         """Ring for what is new: once for an alarm and for a usable shot, twice for one that is not."""
         self._rings += bool(state.alert and not self._alert)
         for shot in state.shots:
-            fresh = shot.age_s is not None and shot.age_s < LARGE_S and not shot.seen
+            told = shot.state in SHOT_STYLES and not shot.seen
+            fresh = told and shot.age_s is not None and shot.age_s < LARGE_S
             if fresh and self._sounded.get(shot.name) != shot.state:
                 self._sounded[shot.name] = shot.state
                 self._rings += 1 if shot.state is ShotState.USABLE else 2

@@ -162,7 +162,8 @@ def _mass(shot: RangeShot, before: str, unit: str, *, short: bool) -> Text:
 
 def newest_verdict(state: RangeState) -> RangeShot | None:
     """Return the shot whose verdict is to be seen from afar; None where there is none, or it was seen."""
-    fresh = [shot for shot in state.shots if shot.age_s is not None and shot.age_s < LARGE_S and not shot.seen]
+    judged = [shot for shot in state.shots if shot.state in SHOT_STYLES and shot.age_s is not None and not shot.seen]
+    fresh = [shot for shot in judged if shot.age_s is not None and shot.age_s < LARGE_S]
     return min(fresh, key=lambda shot: shot.age_s or 0.0) if fresh and state.state != "recording" else None
 
 

@@ -251,7 +251,6 @@ class ShotWork:
         # an instrument's own file may have been there sooner
         shot.files = {s.name: captured.path for s in acquisition.sources if s.file} | shot.files
         shot.state, shot.problem, shot.complete_s = ShotState.WAITING, "", time.monotonic()
-        shot.judged_s = None  # that it could not be cut is no verdict any more
         text = f"shot {shot.name} captured: {acquisition.duration_s:.3f} s"
         text += f", {1e3 * acquisition.pre_actual_s:.0f} ms of them before the trigger"
         if shot.awaited and self._files.watched:

@@ -323,3 +323,14 @@ def test_a_driver_that_hangs_ends_nothing_but_its_own_source(
 
 def test_the_room_on_the_disk_is_known_when_the_journal_is_gone(tmp_path: Path) -> None:
     assert _free_bytes(tmp_path / "journal" / "gone") == pytest.approx(shutil.disk_usage(tmp_path).free, rel=0.05)
+
+
+def test_what_the_journal_has_reserved_is_no_room_for_shots(
+    tmp_path: Path, device: PlayedBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = started(tmp_path, device)
+    full = shutil.disk_usage(tmp_path)._replace(free=0)
+    with monkeypatch.context() as disk:
+        disk.setattr(shutil, "disk_usage", lambda _: full)
+        assert session.status.disk_free_bytes == 0
+    session.close(complete=False)

@@ -19,6 +19,7 @@ from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.store import read_shot
 from recoil_daq.live import acquisition
 from recoil_daq.live.added_mass import AddedMass
+from recoil_daq.live.range_state import RangeState
 from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState
 from recoil_daq.recording.ingest import ingest_files
 from recoil_rigs.rig import load_rig, parse_rig
@@ -525,6 +526,13 @@ def test_a_shot_that_cannot_be_cut_on_a_full_disk_is_cut_when_there_is_room(
         return cut(name, window, path)
 
     monkeypatch.setattr(one.session, "cut", refuse)
+    show, judged = display.show, set[tuple[str, bool]]()
+
+    def noted(state: RangeState) -> None:
+        judged.update((shot.state, shot.age_s is not None) for shot in state.shots)
+        show(state)
+
+    monkeypatch.setattr(display, "show", noted)
     display.then["No space left"] = drop(tmp_path / "in", *FILES)  # which are its own all the same
     display.quits = lambda: bool(one.live._shots) and one.live._shots[0].state == "usable"
     one.session.fired(one.clock.monotonic() - 1.0)
@@ -532,6 +540,7 @@ def test_a_shot_that_cannot_be_cut_on_a_full_disk_is_cut_when_there_is_room(
     assert len(display.told("No space left on device; make room; it is tried again every 10 s; the journal keeps")) == 1
     assert [(s.state, s.problem) for s in outcome.shots] == [("usable", "")]
     assert ("failed",) in display.states
+    assert ("failed", True) in judged
     assert PlayedConversion.started == [("0001", sorted(["0001.rdlog", *FILES]), "")]
 
 

@@ -270,3 +270,30 @@ def test_the_question_for_the_added_mass_goes_by_enter(tmp_path: Path, monkeypat
     assert "Enter: not now" in shown.states[0].asked
     assert shown.states[2].asked == ""
     assert shown.states[2].added_mass == ""
+
+
+def test_a_full_disk_is_an_alarm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(PlayedSession, "status", property(lambda _: status(disk_free_bytes=1 << 20)))
+    one, shown = stepped(tmp_path, monkeypatch, "d", "q", "y")
+    one.run()
+    assert shown.states[0].alert == "DISK FULL: shots stay in the journal, make room"
+
+
+def test_what_is_typed_into_a_text_is_asked_for_as_it_was_pressed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    display = Told(has_keys=True)
+    typing(display, "0001 captured", "lW\n")
+    typing(display, "note on shot 0001: W", "qy")
+    one = Range(monkeypatch, load_rig("mixed"), tmp_path, display)
+    key, asked = display.key, list[tuple[str, bool]]()
+
+    def noted(*, typed: bool = False) -> str:
+        pressed = key(typed=typed)
+        asked.extend([(pressed, typed)] if pressed else [])
+        return pressed
+
+    monkeypatch.setattr(display, "key", noted)
+    one.session.fired(1.0)
+    one.run()
+    assert asked[:4] == [("l", False), ("W", True), ("\n", True), ("q", False)]

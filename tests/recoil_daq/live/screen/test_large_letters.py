@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from recoil_daq.live.screen.large_letters import ROWS, large
@@ -29,3 +31,5 @@ def test_the_newest_verdict_is_shown_for_a_minute_or_until_somebody_has_seen_it(
     assert newest_verdict(day(shots=(usable("0001", age_s=5.0, seen=True),))) is None
     assert newest_verdict(day(shots=(usable("0001", age_s=None),))) is None
     assert newest_verdict(day(shots=(SPOILT,), state="recording")) is None
+    cut_after_all = replace(SPOILT, state=ShotState.WAITING)  # it failed first, for there was no room
+    assert newest_verdict(day(shots=(cut_after_all,))) is None
