@@ -255,7 +255,7 @@ def test_at_a_terminal_the_screen_stays_until_somebody_has_seen_that_the_folder_
     one = Range(monkeypatch, load_rig("mixed"), out, display)
     display.then["hello"] = lambda: shutil.rmtree(out)
     pressed = iter(["", "", "", "q"])
-    monkeypatch.setattr(display, "key", lambda: next(pressed) if one.session.stopped else "")
+    monkeypatch.setattr(display, "key", lambda **_: next(pressed) if one.session.stopped else "")
     one.run(lambda: display.notice("hello"))
     assert next(pressed, None) is None
     assert display.alerts[-1] == "OUTPUT FOLDER GONE"

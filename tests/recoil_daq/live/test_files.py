@@ -198,7 +198,9 @@ def test_a_shot_whose_file_never_settles_stays_not_whole_in_the_log(tmp_path: Pa
 
     pressed = display.key
 
-    def grows() -> str:  # keys are asked for before each look at the folder: however late that is, the file has grown
+    def grows(
+        **_: bool,
+    ) -> str:  # keys are asked for before each look at the folder: however late that is, the file has grown
         if display.verdicts:
             text.append("x")
             drop(tmp_path / "in", FILES[0], text="".join(text))()
@@ -386,7 +388,7 @@ def test_a_file_that_goes_on_growing_fails_its_shot_in_time_and_is_converted_whe
     display.then["0001 captured"] = drop(tmp_path / "in", FILES[0])
     text, pressed = ["x"], display.key
 
-    def grows() -> str:
+    def grows(**_: bool) -> str:
         if display.told("is of shot 0001") and not display.told("still grows"):
             text.append("x")
             drop(tmp_path / "in", FILES[0], text="".join(text))()
@@ -490,8 +492,9 @@ def test_a_shot_of_a_crashed_session_is_taken_up_as_the_rig_alone_that_it_was_fi
     text = LEFT_RIG.text.replace("u_rel = 0.005", "u_rel = 0.006") if edited else LEFT_RIG.text
     assert edited == (text != LEFT_RIG.text)
     rig, display = parse_rig(text, LEFT_RIG.path, LEFT_RIG.databases), Told()
-    left = acquisition._recover(rig, LiveOptions(out=tmp_path, watch=tmp_path / "in"), display)
+    left, recovered = acquisition._recover(rig, LiveOptions(out=tmp_path, watch=tmp_path / "in"), display)
     assert [shot.name for shot in left] == ([] if edited else ["0001"])
+    assert recovered == ["shot 0001"]
     said = "still waiting for files: 0001; this rig is not the one as which they were fired, so that they are finished"
     assert bool(display.told(said)) == edited
 
