@@ -51,7 +51,7 @@ COMMANDS = {
     ),
     "pack": Command(
         "handover",
-        "Pack a day into one archive with the digest of each file, which `explain --check` compares.",
+        "Pack a day into one archive with the digest of each file, which `explain` compares.",
         "recoil-daq pack shots --out day.zip, and where it was copied to: recoil-daq explain day.zip --check",
     ),
     "identify": Command(

@@ -35,7 +35,7 @@ def pack(
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Pack a day into one archive with the digest of each file, which `explain --check` compares."""
+    """Pack a day into one archive with the digest of each file, which `explain` compares."""
     with Session(json, debug) as session:
         from recoil_daq.handover.archive import pack as pack_day
         from recoil_daq.handover.day_files import refuse_armed

@@ -1,1 +1,1 @@
-"""What a day at the range hands over: its page, and one archive of all that it made."""
+"""Page of a day at the range, and one archive of all that it made."""

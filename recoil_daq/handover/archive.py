@@ -1,7 +1,7 @@
 """One archive of a day, with the digest of each file in it: to carry home, to keep, and to be checked there.
 
 A ZIP file whose members are stored as they are, in the order of their names and without times: the same folder gives
-the same bytes on every computer, and damage costs the file that it is in. ``SHA256SUMS`` in it is what `sha256sum -c`
+the same bytes on every computer, and damage costs the file that it is in. ``SHA256SUMS`` in it is what ``sha256sum -c``
 checks after it is unpacked.
 """
 
@@ -23,7 +23,9 @@ from recoil_daq.handover.day_files import DayFiles
 from recoil_daq.terminal.result import Printed, Progress
 
 SUMS = "SHA256SUMS"
-_SUM = re.compile(r"([0-9a-f]{64})  (.+)")
+_DIGEST = re.compile(r"[0-9a-f]{64}")
+_GAP = "  "
+"""Blanks between digest and name, as ``sha256sum`` writes them."""
 _PIECE = 1 << 20
 _LARGEST_SUMS = 1 << 26
 _BEGINNING = (1980, 1, 1, 0, 0, 0)
@@ -94,7 +96,7 @@ def pack(folder: str | Path, out: str | Path | None = None, *, progress: Progres
             for path in found.files:
                 name = path.relative_to(found.folder).as_posix()
                 sha256, size = _add(into, path, f"{place.name}/{name}")
-                sums.append(f"{sha256}  {name}")
+                sums.append(f"{sha256}{_GAP}{name}")
                 done += size
                 progress(f"{done / 1e6:.0f} of {total / 1e6:.0f} MB")
             into.writestr(_info(f"{place.name}/{SUMS}"), "".join(f"{line}\n" for line in sums))
@@ -163,7 +165,7 @@ class CheckedFile:
     Attributes
     ----------
     fault
-        What is wrong with it; empty if it is as it was packed.
+        Sentence on what is wrong with it; empty if it is as it was packed.
     """
 
     file: str
@@ -233,10 +235,10 @@ def _checked(archive: zipfile.ZipFile, path: Path, progress: Progress) -> Iterat
     top = lists[0].removesuffix(SUMS)
     stated: dict[str, str] = {}
     for line in archive.read(lists[0]).decode().splitlines():
-        told = _SUM.fullmatch(line)
-        if told is None:
+        sha256, _, name = line.partition(_GAP)
+        if not name or _DIGEST.fullmatch(sha256) is None:
             raise _no_archive(path, f"a line of {SUMS} that states no digest")
-        stated[told[2]] = told[1]
+        stated[name] = sha256
     for number, (name, sha256) in enumerate(stated.items(), 1):
         progress(f"{number} of {len(stated)} files")
         yield _file(archive, members.get(f"{top}{name}"), name, sha256)

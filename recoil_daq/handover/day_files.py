@@ -56,7 +56,7 @@ class DayFiles:
     folder
         Folder of the shot files.
     files
-        Its regular files in the order of their names, without locks and what was not finished.
+        Regular files of it in the order of their names, without locks and what was not finished.
     left_out
         Links and what else is no regular file.
     """

@@ -100,7 +100,7 @@ def _kernel32() -> Any:
 
 @contextmanager
 def _console_ends(tell: Callable[[], object]) -> Iterator[None]:
-    """Tell meanwhile that a console on Windows is closed, and hold its end up until this is over, or for a while.
+    """Say meanwhile that a console on Windows is closed, and hold its end up until this is over, or for a while.
 
     Nothing is to be done elsewhere: a signal says it.
     """

@@ -13,7 +13,7 @@ class LineEntry:
     Parameters
     ----------
     question
-        What is asked for.
+        Question, in words.
     takes
         Characters that belong into the answer; every one that can be printed if left out.
     longest

@@ -59,7 +59,7 @@ class RangeKeys:
 
     @property
     def asked_in_turn(self) -> str:
-        """What the next shot carries; empty where it was said, or nobody is to be asked."""
+        """Question for what the next shot carries; empty where it was said, or nobody is to be asked."""
         carries = self._work.in_turn
         if carries is None and self._asks_mass:
             return "added mass of the next shots, kg, and u; Enter: not now"

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from recoil_daq.live.range_state import RangeSource
+from recoil_daq.live.range_state import RangeSource, SourceState
 
 SILENT_S = 1.2
 """Silence of a source, s, from which on it is an alarm."""
@@ -15,12 +15,16 @@ SPOILT = 0.1
 LOOKED_BACK_S = 1.5
 _LEAST = {"bytes": 200, "frames": 10}
 """What must have come in that time before a share of it is believed."""
+_ALARMS: Mapping[SourceState, str] = {
+    "not understood": "{name} NOT UNDERSTOOD: {counted} come, none of them good: {remedy}",
+}
+"""State of a source that is read and gives nothing good -> what is said of it."""
 _REMEDIES = {"bytes": "check baud rate, framing and cable", "frames": "check bit rate, termination and database"}
 
 
 @dataclass(frozen=True)
 class _Counted:
-    """What a source had received, and what of it was spoilt, at an instant."""
+    """Count of what a source had received, and of what of it was spoilt, at an instant."""
 
     at_s: float
     received: int
@@ -59,8 +63,8 @@ class SourceAlarms:
         if source.state == "silent" and (live.age_s is None or live.age_s > SILENT_S):
             hangs = "the trigger looks at it" if name in self._triggering else "check its supply and its cable"
             yield f"{name} SILENT: {hangs}"
-        elif source.state == "not understood":
-            yield f"{name} NOT UNDERSTOOD: {live.counted} come, none of them good: {remedy}"
+        elif (text := _ALARMS.get(source.state)) is not None:
+            yield text.format(name=name, counted=live.counted, remedy=remedy)
         elif source.state == "live" and spoilt > SPOILT:
             yield f"{name} SPOILT: {100 * spoilt:.0f} % of its {live.counted} belong to no good frame: {remedy}"
 

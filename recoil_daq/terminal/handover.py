@@ -1,4 +1,4 @@
-"""What the commands `day` and `pack` print, and `explain --check` of an archive."""
+"""Output of the commands ``day`` and ``pack``, and of ``explain --check`` of an archive."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ def print_day(document: Mapping[str, Any]) -> None:
         print_table("What was lost", ("of", "what"), [(one["of"], one["text"]) for one in document["lost"]])
     rows = [(one["path"], str(one["files"]), f"{one['bytes'] / 1e6:.1f}", one["what"]) for one in document["copy"]]
     print_table("What to copy", ("path", "files", "MB", "what it is"), rows, numeric=(1, 2))
-    say(f"or all of it as one archive: `{document['archive']}`")
+    command = document["archive"]
+    say(f"or all of it as one archive: `{command}`")
     print_index(document)
 
 

@@ -1,4 +1,4 @@
-"""What was written, forced to the disk itself and not only out of this computer's memory."""
+"""Files forced to the disk itself, and not only out of this computer's memory."""
 
 from __future__ import annotations
 

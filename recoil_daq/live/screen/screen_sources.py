@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -29,6 +29,9 @@ _SOURCE_COLUMNS = (
     Column("source", most=NAME_WIDTH), Column("state", least=9), Column("rate", least=13),
     Column("last data", right=True, least=9),
 )  # fmt: skip
+
+_SHORT: Mapping[str, str] = {"not understood": "NONE GOOD"}
+"""States whose own words are wider than their column."""
 
 
 def source_lines(state: RangeState, look: Look) -> list[Text]:
@@ -115,7 +118,7 @@ def _state_cell(state: RangeState, source: RangeSource) -> Text:
 
 def _bad(source: RangeSource) -> str:
     """Return the word for a state that is not well."""
-    return "NONE GOOD" if source.state == "not understood" else source.state.upper()
+    return _SHORT.get(source.state, source.state.upper())
 
 
 def _growing(source: RangeSource) -> list[str]:

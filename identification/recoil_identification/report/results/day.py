@@ -28,13 +28,13 @@ def day_document(
     index
         Document of `recoil_identification.report.results.shot_index.index_document`.
     campaign
-        What the shots say together: ``text``, and ``page``, None where there is none.
+        Answer of the shots together: ``text``, and ``page``, None where there is none.
     log
         The shot log: ``columns`` and ``rows``, texts.
     lost
-        What was lost, each with ``of`` and ``text``.
+        Losses, each with ``of`` and ``text``.
     copied
-        What to copy, each with ``path``, ``what``, ``files`` and ``bytes``.
+        Files to copy, each with ``path``, ``what``, ``files`` and ``bytes``.
     archive
         Command that packs all of it.
     """
