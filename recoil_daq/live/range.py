@@ -175,7 +175,7 @@ class LiveRange:
             self._shots.append(shot)
             display.notice(f"shot {shot.name}, recovered, waits for files of {', '.join(shot.missing)} with its number")
         self._keys = RangeKeys(display, self._files, self._work, self._heed, asks_mass=options.asks_mass)
-        self._overviews = OverviewWork(self._worker, options.out, display)
+        self._overviews = OverviewWork(self._worker, options.out, display, self._shots)
         self._masses = MassWork(self._worker, options.out, display) if options.identify else None
         self._earlier, self._recovered = EarlierShots(earlier), recovered
         self._states = RangeStates(
@@ -482,8 +482,10 @@ class LiveRange:
         if window is not None:
             self._begin(session, window)
         self._work.look(session)
-        if (earlier := self._earlier.look(self._shots)) and self._masses is not None:
-            self._masses.know(earlier)
+        if earlier := self._earlier.look(self._shots):
+            self._overviews.know(earlier)
+            if self._masses is not None:
+                self._masses.know(earlier)
         self._overviews.look()
         if self._masses is not None:
             self._masses.look()

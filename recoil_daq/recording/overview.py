@@ -61,8 +61,8 @@ def write_overview(shot: Shot, file: Path) -> str:
     StoreError
         If it cannot be written.
     """
-    status, digest = file.stat(), InputFile.of(file).sha256
-    folder = file.parent / FOLDER / shot.name
+    status, digest, name = file.stat(), InputFile.of(file).sha256, file.stem  # by which a page asks, whatever it holds
+    folder = file.parent / FOLDER / name
     channels, fine = [], {}
     for number, channel in enumerate(shot.channels.values()):
         times_s, aligned = _instants(shot, channel)
@@ -72,55 +72,53 @@ def write_overview(shot: Shot, file: Path) -> str:
             "fine": None,
         }  # fmt: skip
         if len(times_s) > 2 * COLUMNS:
-            told["fine"] = name = f"{number:03d}.js"
-            fine[name] = _pieces(times_s, channel.samples, FINE_COLUMNS)
+            told["fine"] = script = f"{number:03d}.js"
+            fine[script] = _pieces(times_s, channel.samples, FINE_COLUMNS)
         channels.append(told)
     head = {
-        "schema": SCHEMA, "shot": shot.name, "sha256": digest, "size": status.st_size,
+        "schema": SCHEMA, "shot": name, "sha256": digest, "size": status.st_size,
         "changed_ns": status.st_mtime_ns, "zero_s": _zero_s(shot),
     }  # fmt: skip
     try:
         folder.mkdir(parents=True, exist_ok=True)
         remove_left_partials(folder, idle_s=LEFT_AFTER_S)
-        for name, pieces in fine.items():
-            _write(folder / name, "fine", f"{shot.name}/{name}", {"sha256": digest, "pieces": pieces})
+        for script, pieces in fine.items():
+            _write(folder / script, "fine", f"{name}/{script}", {"sha256": digest, "pieces": pieces})
         for left in folder.glob("[0-9]*.js"):
             if left.name not in fine:
                 left.unlink(missing_ok=True)
-        _write(folder / OVERVIEW, "overviews", shot.name, {**head, "channels": channels})
+        _write(folder / OVERVIEW, "overviews", name, {**head, "channels": channels})
         write_index(file.parent)
     except OSError as error:
         raise StoreError(f"the overview cannot be written: {error.strerror or error}", path=folder) from error
     return digest
 
 
-def write_filtered(out: Path, shot: str, document: Mapping[str, Any], curves: Path) -> None:
+def write_filtered(out: Path, shot: str, zero_s: float, times_s: Array, curves: Mapping[str, Array]) -> None:
     """Write the curves of a report for pages that are opened from a file.
 
     Parameters
     ----------
     out
         Folder of the shot files.
-    document
-        The report.
-    curves
-        Table of its curves, over the time after the onset of force.
+    zero_s
+        Onset of force on the reference clock.
+    times_s : ndarray, shape (n,)
+        Times after it.
+    curves : mapping of str to ndarray, shape (n,)
+        Values by the names of the report's peaks.
     """
-    names, *rows = (line.split(",") for line in curves.read_text(encoding="utf-8").splitlines())
-    columns = np.array([[float(cell or "nan") for cell in row] for row in rows], dtype=np.float64).T
-    packed = {name: _packed(column) for name, column in zip(names, columns, strict=True)}
+    packed = {"time_s": _packed(times_s), **{name: _packed(values) for name, values in curves.items()}}
     folder = out / FOLDER / shot
     folder.mkdir(parents=True, exist_ok=True)
-    _write(folder / FILTERED, "filtered", shot, {"zero_s": document["interval_s"][0], "curves": packed})
+    _write(folder / FILTERED, "filtered", shot, {"zero_s": zero_s, "curves": packed})
 
 
 def write_index(out: Path) -> None:
     """Write which shots of a folder have an overview."""
-    heads = ((path.parent.name, _head_of(path)) for path in sorted((out / FOLDER).glob(f"*/{OVERVIEW}")))
     found = [
-        {"shot": name, "sha256": head[0], "filtered": (out / FOLDER / name / FILTERED).is_file()}
-        for name, head in heads
-        if head is not None and (out / f"{name}.h5").is_file()
+        {"shot": name, "sha256": digest, "filtered": (out / FOLDER / name / FILTERED).is_file()}
+        for name, digest in _digests(out).items()
     ]
     _replace(out / FOLDER / INDEX, f"window.shots = {json.dumps(found)};\n")
 
@@ -134,7 +132,7 @@ def refresh_overviews(out: Path) -> list[str]:
         Lines on the shots that have none, and why.
     """
     problems = []
-    files = sorted(path for path in out.glob("*.h5") if path.is_file())
+    files = sorted(path for path in out.glob("[!.]*.h5") if path.is_file())
     for file in files:
         if _is_current(file):
             continue
@@ -144,9 +142,9 @@ def refresh_overviews(out: Path) -> list[str]:
             problems.append(f"no curves of {file.name}: {error}")
     if files:
         with contextlib.suppress(OSError):
-            kept = {file.stem for file in files}
-            for folder in (out / FOLDER).iterdir():
-                if folder.is_dir() and not folder.is_symlink() and folder.name not in kept and _is_own(folder):
+            for folder in (out / FOLDER).iterdir():  # a shot may have come meanwhile, with its overview
+                gone = not (out / f"{folder.name}.h5").exists()
+                if gone and folder.is_dir() and not folder.is_symlink() and _is_own(folder):
                     shutil.rmtree(folder)
             write_index(out)
     return problems
@@ -157,9 +155,15 @@ def overview_of(task: Path) -> str:
     return write_overview(read_shot(task), task)
 
 
-def refresh(task: Path) -> list[str]:
-    """Do as `refresh_overviews` in the process that stays warm."""
-    return refresh_overviews(task)
+def refresh(task: Path) -> tuple[list[str], dict[str, str]]:
+    """Do as `refresh_overviews` in the process that stays warm; return the digests of the shots that have one, too."""
+    return refresh_overviews(task), _digests(task)
+
+
+def _digests(out: Path) -> dict[str, str]:
+    """Return the SHA-256 of the shot files of a folder that have an overview, by the names of the shots."""
+    heads = ((path.parent.name, _head_of(path)) for path in sorted((out / FOLDER).glob(f"*/{OVERVIEW}")))
+    return {name: head[0] for name, head in heads if head is not None and (out / f"{name}.h5").is_file()}
 
 
 def _is_own(folder: Path) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -163,8 +163,15 @@ def write_report(
     rig: str | Path | None = None,
     truth: Mapping[str, Any] | None = None,
     progress: Progress = lambda _: None,
+    identified: Callable[[Identification], None] = lambda _: None,
 ) -> Reported:
-    """Identify the mass of one shot file and write its report; parameters and errors as of `identify_file`."""
+    """Identify the mass of one shot file and write its report; parameters and errors as of `identify_file`.
+
+    Parameters
+    ----------
+    identified
+        Function called with what was found, before its report is made.
+    """
     output.refuse_missing_extra()
     progress("read")
     fired = read_stored(path, rig, header=output.header)
@@ -178,6 +185,7 @@ def write_report(
         raise
     progress("identify")
     found = identify_shot(fired, options)
+    identified(found)
     progress("report")
     forms = output.forms
     document, files = reported(fired, found, InputFile.of(path), truth, forms)

@@ -14,9 +14,13 @@ from recoil_acquisition.shot.shot import InputFile
 from recoil_acquisition.store import shot_summary
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq.recording.conversion import ConversionTask, convert
-from recoil_daq.reports.identify import identify_file
+from recoil_daq.recording.overview import write_filtered, write_index
+from recoil_daq.reports.identify import identify_file, write_report
+from recoil_daq.reports.output import Output
 from recoil_identification.report.document.report_files import REPORT_FILE, read_document
+from recoil_identification.shot.firing_record import Curves, curves_of
 from recoil_identification.shot.identified import Options
+from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.thinned import THINNED_TO_HZ
 from recoil_rigs.rig import Rig, load_rig
 from recoil_rigs.twin import simulate_shot
@@ -50,8 +54,15 @@ def shot_mass(task: tuple[Path, Path, bool]) -> dict[str, Any]:
         As `identify_file`.
     """
     path, reports, thin = task
-    found = identify_file(path, out=reports, options=Options(thin=thin), overwrite=True)
+    curves: list[Curves] = []
+    found = write_report(
+        path, Output(reports, overwrite=True), options=Options(thin=thin),
+        identified=lambda one: curves.append(curves_of(one, PRESSURE_ROLES)),
+    )  # fmt: skip
     is_thinned = any(one["code"] == NoteCode.THINNED for one in found.document["findings"])
+    for one in curves:
+        write_filtered(path.parent, found.shot, found.document["interval_s"][0], one.times_s, one.values)
+    write_index(path.parent)
     return told(found.document, found.folder, THINNED_TO_HZ if is_thinned else None)
 
 
@@ -69,6 +80,7 @@ def told(document: Mapping[str, Any], folder: Path, thinned_hz: float | None = N
         "thinned_hz": thinned_hz,
         "bare": "added_mass_kg" not in (document.get("shot_log") or {}),
         "peaks": document["peaks"],
+        "peaks_u": document.get("peaks_u") or {},
     }
 
 

@@ -18,7 +18,7 @@ def write_missing(folder: Path) -> list[str]:
     list of str
         Lines on what cannot be written, and why; a folder without shot files needs none.
     """
-    if not any(folder.glob("*.h5")):
+    if not any(folder.glob("[!.]*.h5")):
         return []
     try:
         write_pages(folder)

@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -23,7 +24,9 @@ LISTEN, PORT = "127.0.0.1", 8750
 MOST_CONNECTIONS = 512
 """Connections beyond which a request is answered with 503."""
 LONGEST_HEAD_BYTES = 16_384
-_CLOSE_WITHIN_S = 3.0
+LAST_LOOKS_S = 2.5
+"""Time after the end of a session for which its last state is served, s: pages look at it once a second."""
+_CLOSE_WITHIN_S = 6.0
 
 
 def require_server() -> None:
@@ -61,6 +64,14 @@ def bound(listen: str, port: int) -> socket.socket:
     return opened
 
 
+def _bound_beside(listen: str, port: int) -> socket.socket:
+    """Return a socket for a session, whose page is wanted at another port, too, where that one is taken."""
+    try:
+        return bound(listen, port)
+    except ReadError:
+        return bound(listen, 0)
+
+
 def address_of(access: Access) -> str:
     """Return the address to open, with its token."""
     host = _outward() if access.listen in ("0.0.0.0", "::") else access.listen  # noqa: S104 - compared, not bound
@@ -84,7 +95,7 @@ def serve_folder(folder: Path, listen: str, port: int, told: Callable[[str], Non
     told
         Function called with the address, once it is listened at.
     while_asked
-        Whether it ends when whoever started it does.
+        Whether it ends when whoever started it does, and takes any port where that one is taken.
 
     Raises
     ------
@@ -96,7 +107,7 @@ def serve_folder(folder: Path, listen: str, port: int, told: Callable[[str], Non
         raise ReadError("no such folder to serve", path=folder, remedy="give the folder of a day at the range")
     import uvicorn
 
-    with bound(listen, port) as opened:
+    with _bound_beside(listen, port) if while_asked else bound(listen, port) as opened:
         access = Access.of(listen, opened.getsockname()[1])
         config = uvicorn.Config(
             PageApp(ServedFolder(folder), access), http="h11", ws="none", lifespan="off", access_log=False,
@@ -108,6 +119,7 @@ def serve_folder(folder: Path, listen: str, port: int, told: Callable[[str], Non
 
             def watch() -> None:
                 sys.stdin.buffer.read()
+                time.sleep(LAST_LOOKS_S)
                 server.should_exit = True
 
             threading.Thread(target=watch, name="wait for the session's end", daemon=True).start()

@@ -19,8 +19,10 @@ TYPES = {
     ".pdf": "application/pdf",
 }  # fmt: skip
 """Ending of a file that is served -> its type. Recordings, shot files and journals are not among them."""
-HOME = ("live.html", "day.html", "index.html", "campaign.html", "campaign/campaign.html")
-"""Pages of which the first that is there is shown where none is named."""
+NEWEST = ("live.html", "day.html")
+"""Pages of which the one that was written last is shown where none is named: a session's, or its day's."""
+ELSE = ("index.html", "campaign.html", "campaign/campaign.html")
+"""Pages of which the first that is there is shown where there is none of these."""
 LONGEST_PATH = 1_024
 _MOST_PARTS = 8
 _PART = re.compile(r"[^\x00-\x1f\x7f/\\:*?\"<>|.][^\x00-\x1f\x7f/\\:*?\"<>|]*", re.DOTALL)
@@ -34,7 +36,7 @@ class ServedFile:
     Attributes
     ----------
     tag
-        What differs where it was changed.
+        Text that differs where the file was changed.
     """
 
     file: BinaryIO
@@ -57,7 +59,9 @@ class ServedFolder:
 
     def home(self) -> str | None:
         """Return the path of the page that is shown where none is named; None if there is none of these."""
-        return next((name for name in HOME if (self.root / name).is_file()), None)
+        written = [(self.root / name, name) for name in (*NEWEST, *ELSE) if (self.root / name).is_file()]
+        newest = [(path.stat().st_mtime_ns, name) for path, name in written if name in NEWEST]
+        return max(newest)[1] if newest else next((name for _, name in written), None)
 
     def reports(self) -> list[str]:
         """Return the paths of the pages below the folder, of two folders' depth."""

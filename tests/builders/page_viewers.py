@@ -48,6 +48,8 @@ class PageViewers:
             one.close()
         self._process.terminate()
         self._process.wait(10)
+        if self._process.stdout is not None:
+            self._process.stdout.close()
 
     @property
     def cpu_s(self) -> float:

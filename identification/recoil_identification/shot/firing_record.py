@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +33,7 @@ class Curves(ReadOnlyArrays):
     times_s : ndarray, shape (n,)
         Instants after the onset of force, s, ascending.
     values : mapping of str to ndarray, shape (n,)
-        Values by the names of `CURVES`; NaN where nothing was recorded.
+        Values by the names of `CURVES`, or of more pressures; NaN where nothing was recorded.
     """
 
     times_s: Array
@@ -66,22 +67,30 @@ def peaks_of(found: Identification) -> dict[str, float]:
     return {name: value for name, value in peaks.items() if math.isfinite(value) and name not in untold}
 
 
-def curves_of(found: Identification) -> Curves:
-    """Thin a shot's curves: breech pressure and acceleration behind the report's low-pass, and travel."""
+def curves_of(found: Identification, pressures: Sequence[str] = ("breech_pressure",)) -> Curves:
+    """Thin a shot's curves: pressures and acceleration behind the report's low-pass, and travel.
+
+    Parameters
+    ----------
+    pressures
+        Roles of the pressures; one without a channel is left out.
+    """
     filtered, signals = found.route.filtered, found.route.signals
     t0, t1 = filtered.interval_s
     after_onset_s = np.linspace(-BEFORE * (t1 - t0), (1.0 + AFTER) * (t1 - t0), CURVE_POINTS)
-    columns = {"recoil_acceleration_m_s2": filtered.acceleration_m_s2, "recoil_travel_m": found.route.travel_m}
-    if "breech_pressure" in signals.series:
-        pressure_pa, low_pass = signals.series["breech_pressure"], filtered.low_pass
+    columns: dict[str, Array] = {}
+    for role in pressures:
+        if role not in signals.series:
+            continue
+        pressure_pa, low_pass = signals.series[role], filtered.low_pass
         if low_pass is not None:
             pressure_pa, trusted = low_pass.apply_with_gaps(pressure_pa, signals.rate_hz)
             pressure_pa = np.where(trusted, pressure_pa, np.nan)
-        columns["breech_pressure_pa"] = pressure_pa
+        columns[f"{role}_pa"] = pressure_pa
+    columns |= {"recoil_acceleration_m_s2": filtered.acceleration_m_s2, "recoil_travel_m": found.route.travel_m}
     values = {
-        name: np.interp(after_onset_s, filtered.times_s - t0, columns[name], left=np.nan, right=np.nan)
-        for name in CURVES
-        if name in columns
+        name: np.interp(after_onset_s, filtered.times_s - t0, column, left=np.nan, right=np.nan)
+        for name, column in columns.items()
     }
     return Curves(after_onset_s, values)
 

@@ -147,7 +147,7 @@
   };
 
   // ---- curves of the last shot that has some, over those before it
-  const FILTERED = { breech_pressure: "breech_pressure_pa", recoil_acceleration: "recoil_acceleration_m_s2", recoil_displacement: "recoil_travel_m" };
+  const FILTERED = { breech_pressure: "breech_pressure_pa", brake_pressure: "brake_pressure_pa", recuperator_pressure: "recuperator_pressure_pa", recoil_acceleration: "recoil_acceleration_m_s2", recoil_displacement: "recoil_travel_m" };
   const SHOWN = (role) => role.endsWith("_pressure") || role.endsWith("_force") || ["recoil_acceleration", "recoil_displacement", "recoil_velocity"].includes(role);
   let drawing = "", panels = [];
   const curves = () => {

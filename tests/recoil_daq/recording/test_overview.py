@@ -17,6 +17,7 @@ from recoil_acquisition.shot.shot import InputFile
 from recoil_acquisition.store import read_shot
 from recoil_daq.recording import overview
 from recoil_daq.recording.overview import _pieces, refresh_overviews, write_filtered, write_overview
+from recoil_identification.report.document.report_files import read_curves
 
 
 def numbers(text: str) -> np.ndarray:
@@ -118,6 +119,7 @@ def test_an_overview_is_made_where_it_is_missing_or_of_another_file(folder: Path
 
 def test_a_damaged_shot_file_costs_its_own_curves_and_is_named(folder: Path) -> None:
     (folder / "0002.h5").write_bytes(b"no shot")
+    (folder / ".0003.0123abcd.partial.h5").write_bytes(b"is being written")
     (problem,) = refresh_overviews(folder)
     assert problem.startswith("no curves of 0002.h5: ")
     assert (folder / "overviews/0001/overview.js").is_file()
@@ -132,8 +134,23 @@ def test_what_is_left_of_a_shot_that_is_gone_goes_and_nothing_else(folder: Path)
     assert sorted(path.name for path in (folder / "overviews").iterdir()) == ["0001", "index.js", "mine"]
 
 
+def test_a_shot_that_comes_meanwhile_keeps_its_overview(folder: Path, monkeypatch) -> None:
+    write = overview.write_overview
+
+    def meanwhile(shot, file: Path) -> str:
+        write(shot, Path(shutil.copy(file, folder / "0002.h5")))  # by the session's own process
+        return write(shot, file)
+
+    monkeypatch.setattr(overview, "write_overview", meanwhile)
+    refresh_overviews(folder)
+    assert (folder / "overviews/0002/overview.js").is_file()
+    assert '"0002"' in (folder / "overviews/index.js").read_text("ascii")
+
+
 def test_the_curves_of_a_report_stand_beside_the_overview(folder: Path, identified: Any) -> None:
-    write_filtered(folder, "0001", identified.report, identified.reports / "0001/curves.csv")
+    found = read_curves(identified.reports / "0001")
+    assert found is not None
+    write_filtered(folder, "0001", identified.report["interval_s"][0], found.times_s, found.values)
     refresh_overviews(folder)
     told = script(folder / "overviews/0001/filtered.js")
     assert told["zero_s"] == identified.report["interval_s"][0]

@@ -191,12 +191,18 @@ def test_what_was_not_changed_is_not_sent_again_but_the_state_always_is(day: Pat
     assert asked(day, "/live.js").headers["cache-control"] == "no-store"
 
 
-def test_the_first_page_is_the_live_one_then_the_day_s_then_a_list(day: Path) -> None:
+def test_the_first_page_is_the_live_one_or_the_day_that_followed_it_or_a_list(day: Path) -> None:
+    assert asked(day, "/").headers["location"] == "/live.html"
+    (day / "day.html").write_text("the day", encoding="utf-8")
+    os.utime(day / "live.html", (1e9, 1e9))
+    assert asked(day, "/").headers["location"] == "/day.html"
+    os.utime(day / "day.html", (9e8, 9e8))
     assert asked(day, "/").headers["location"] == "/live.html"
     (day / "live.html").unlink()
-    (day / "day.html").write_text("the day", encoding="utf-8")
-    assert asked(day, "/").headers["location"] == "/day.html"
     (day / "day.html").unlink()
+    (day / "index.html").write_text("all shots", encoding="utf-8")
+    assert asked(day, "/").headers["location"] == "/index.html"
+    (day / "index.html").unlink()
     listed = asked(day, "/").body.decode()
     assert '<a href="/reports/0001/report.html">reports/0001/report.html</a>' in listed
     assert '<a href="/reports/0001/%C3%BCmlaut%20%231%20%2541.html">' in listed

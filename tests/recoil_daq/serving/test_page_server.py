@@ -147,6 +147,20 @@ def test_a_program_gets_the_address_as_a_document(tmp_path: Path) -> None:
     assert re.fullmatch(r"http://\S+:\d+/\?token=[\w-]{22}", told["address"])
 
 
+@pytest.mark.real_time
+def test_beside_a_session_it_takes_another_port_and_ends_with_that(tmp_path: Path) -> None:
+    with bound("127.0.0.1", 0) as taken:
+        port = taken.getsockname()[1]
+        command = [sys.executable, "-P", "-m", "recoil_daq.cli", "serve", str(tmp_path), "--port", str(port)]
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "encoding": "utf-8"}
+        with subprocess.Popen([*command, "--while-asked"], **pipes) as process:
+            assert process.stdout is not None
+            assert process.stdin is not None
+            assert process.stdout.readline().startswith("http://127.0.0.1:")
+            process.stdin.close()
+            assert process.wait(10) == 0
+
+
 def test_a_folder_that_is_not_there_is_refused_in_one_line(run, tmp_path: Path) -> None:
     done = run("serve", tmp_path / "none")
     assert done.exit_code == 3

@@ -18,6 +18,7 @@ import pytest
 from recoil_acquisition.store import read_shot
 from recoil_daq.live.page.page_files import write_pages
 from recoil_daq.recording.overview import write_filtered, write_overview
+from recoil_identification.report.document.report_files import read_curves
 from tests.builders.driven_browser import DRIVEN, asked, driven, resize, shows, told, until
 from tests.builders.range_states import SOURCES, day
 from tests.builders.state_writer import HOSTILE, STATE, WITH_MASS, Written
@@ -47,11 +48,14 @@ def shown(stored: Path, identified: Any, tmp_path_factory: pytest.TempPathFactor
     """Return a folder with curves of three shots, which `serve` shows."""
     folder = tmp_path_factory.mktemp("day")
     shot = read_shot(stored)
+    found = read_curves(identified.reports / "0001")
+    assert found is not None
+    curves = found.times_s, found.values
     for name in SHOTS:
         file = folder / f"{name}.h5"
         file.write_bytes(stored.read_bytes())
-        write_overview(replace(shot, name=name), file)
-        write_filtered(folder, name, identified.report, identified.reports / "0001/curves.csv")
+        write_overview(shot, file)
+        write_filtered(folder, name, identified.report["interval_s"][0], *curves)
     write_pages(folder)
     STATE.write_to(folder)
     command = [sys.executable, "-P", "-m", "recoil_daq.cli", "serve", str(folder), "--port", "0"]
