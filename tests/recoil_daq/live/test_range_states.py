@@ -14,6 +14,7 @@ from recoil_daq.live import range_states
 from recoil_daq.live.range_state import NOT_UNDERSTOOD_S
 from recoil_daq.live.range_states import RangeStates
 from recoil_daq.live.shot import LiveOptions
+from recoil_daq.live.shots.earlier_shots import EarlierShots
 from recoil_rigs.rig import load_rig
 from tests.builders.live_status import BRAKE, CAN, IMU, SILENT, status
 
@@ -33,7 +34,7 @@ def states(out: Path) -> RangeStates:
     )  # fmt: skip
     sources = [source for source in rig.sources if source.name in ("can", "imu")]
     parts: dict[str, Any] = dict.fromkeys(("files", "work", "decisions", "losses", "rest"), quiet)
-    return RangeStates(rig, LiveOptions(out), quiet, sources, [], masses=None, **parts)
+    return RangeStates(rig, LiveOptions(out), quiet, sources, [], masses=None, earlier=EarlierShots(None), **parts)
 
 
 def looked(made: RangeStates, channels: tuple[ChannelStatus, ...], **changes: Any) -> dict[str, str]:
