@@ -44,6 +44,16 @@ COMMANDS = {
         "Show a shot's row of the shot log, or set cells of it: configuration, added mass, charge, why it is excluded.",
         "recoil-daq log 0001 configuration=ring added_mass_kg=310 u_added_mass_kg=0.05",
     ),
+    "day": Command(
+        "handover",
+        "Write the page of a day: its shots, their campaign, the shot log, what was lost, and what to copy.",
+        "recoil-daq day shots",
+    ),
+    "pack": Command(
+        "handover",
+        "Pack a day into one archive with the digest of each file, which `explain` compares.",
+        "recoil-daq pack shots --out day.zip, and where it was copied to: recoil-daq explain day.zip --check",
+    ),
     "identify": Command(
         "masses",
         "Identify the recoiling mass of shot files, or what else --target names, and write a report for each.",

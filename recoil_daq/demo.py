@@ -55,7 +55,7 @@ LIVE_DEMO_FILES = (
     r"incoming/\d{4}_(camera|dewetron)\.csv",
     r"sessions/\w+\.\w+\.json",
     r"(campaign/)?reports/(\d{4}/(curves\.csv|mass\.csv|report\.(html|json))|plotly\.min\.js)",
-    r"campaign/cutoff\.json",
+    r"campaign/(campaign\.(csv|html|json)|cutoff\.json|plotly\.min\.js)|day\.(html|json)",
 )
 """Patterns of the files that the demonstrations write into folders that --overwrite removes."""
 

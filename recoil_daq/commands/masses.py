@@ -303,7 +303,8 @@ def explain(
     report: Annotated[
         Path,
         typer.Argument(
-            help="A report.json, a target's or a campaign's .json, their folder, or with --check a folder of them.",
+            help="A report.json, a target's or a campaign's .json, their folder, or with --check a folder of them or "
+            "an archive of `pack`.",
             show_default=False,
         ),
     ],
@@ -320,7 +321,12 @@ def explain(
         typer.Option(help="Folder in which to look for the shot files first.", show_default="around the reports"),
     ] = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Make every report of a folder again; exit code 1 if a number differs.")
+        bool,
+        typer.Option(
+            "--check",
+            help="Make every report of a folder again, or compare each file of an archive with its digest; exit code 1 "
+            "if one differs.",
+        ),
     ] = False,
     workers: WorkersOption = None,
     json: JsonOption = False,
@@ -333,6 +339,12 @@ def explain(
         raise typer.BadParameter("--workers goes with --check")
     with Session(json, debug) as session:
         if check:
+            from recoil_daq.handover.archive import check_archive, is_archive
+
+            if is_archive(report):
+                with session.steps("explain --check") as progress:
+                    archive = check_archive(report, progress=progress)
+                session.finish(archive.to_json(), archive.show, OK if archive.whole else NOT_VALID)
             from recoil_daq.campaigns.reproduction import check_reports
 
             with session.steps("explain --check") as progress:

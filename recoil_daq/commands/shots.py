@@ -1,10 +1,9 @@
 """Commands that make shot files and keep their log."""
 
-import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -19,9 +18,6 @@ from recoil_daq.commands.options import (
     number,
 )
 from recoil_daq.terminal.session import FAULT, INTERRUPTED, NOT_VALID, OK, Session
-
-if TYPE_CHECKING:
-    from recoil_daq.live.added_mass import AddedMass
 
 _ORDER = "recoil-daq ingest RIG FILES..."
 
@@ -182,7 +178,6 @@ def _live(
         loaded = load_rig(rig)
         nobody = json or is_virtual_rig(loaded)
         weight = None if nobody else weight_of(loaded.knowledge)
-        added = None if nobody or weight is not None else _asked_mass()
         options = LiveOptions(
             out,
             shots,
@@ -191,7 +186,7 @@ def _live(
             files_within_s,
             spare,
             identify=identify,
-            added_mass=added,
+            asks_mass=not nobody and weight is None,
             weight=weight,
             without=without,
         )
@@ -210,23 +205,6 @@ def _live(
             raise done.error
         code = INTERRUPTED if done.interrupted else OK if done.usable else NOT_VALID
         session.finish(document, lambda: print_session(document), code)
-
-
-def _asked_mass() -> "AddedMass | None":
-    """Ask at a terminal what the shots to come carry; None where nobody says, or can be asked."""
-    from recoil_daq.live.added_mass import AddedMass
-
-    if not (sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()):
-        return None
-    while True:
-        question = "Added mass of the shots to come, kg, and its u (such as 12.5 0.05; Enter: not stated, key m: later)"
-        text = typer.prompt(question, default="", show_default=False, err=True)
-        if not text.strip():
-            return None
-        try:
-            return AddedMass.of(text)
-        except ValueError as error:
-            typer.echo(str(error), err=True)
 
 
 def recover(

@@ -17,9 +17,12 @@ from recoil_acquisition.log.segment import SUFFIX
 from recoil_daq.live.display import Display
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range import REST_S, LiveRange, trigger_of
+from recoil_daq.live.range_state import RangeState
 from recoil_daq.live.recover import recover_journal
 from recoil_daq.live.recovered import RecoveredShot
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState, free_number
+from recoil_daq.live.shots.earlier_shots import EARLIER
+from recoil_daq.live.wakefulness import kept_awake
 from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.left_out import left_out
@@ -27,6 +30,7 @@ from recoil_rigs.shots.live_sources import live_sources
 from recoil_rigs.twin.range_day import RangeDay, is_virtual_rig
 
 _WARM = "recoil_daq.reports.shot_mass:warm"
+_DAY = "recoil_daq.handover.day:day_page"
 VIRTUAL_SHOTS = 3
 """Number of shots that a virtual rig fires where none is asked for."""
 
@@ -72,16 +76,31 @@ def run_live(
         if not is_virtual_rig(rig):
             _check_watched(options.watch)
     with OutputFolder(options.out) as folder:
-        left = _recover(rig, options, display)
+        left, recovered = _recover(rig, options, display)
         first = options.first or free_number(options.out)
         with closing(WarmWorker()) as worker:
             there = [path for path in options.out.glob("*.h5") if path.is_file()]
             newest = max(there, key=lambda path: path.stat().st_mtime, default=None)
+            earlier = worker.ask(EARLIER, options.out, again=None)
             # while the range is armed the worker does what the first shot would wait for
             warm = worker.ask(_WARM, (rig.path, newest, options.identify), again=None)
             if not is_virtual_rig(rig):
                 chosen = replace(options, first=first)
-                return LiveRange(rig, chosen, display, folder, rest_s=REST_S, worker=worker, left=left).run()
+                live = LiveRange(
+                    rig,
+                    chosen,
+                    display,
+                    folder,
+                    rest_s=REST_S,
+                    worker=worker,
+                    left=left,
+                    earlier=earlier,
+                    recovered=recovered,
+                )
+                with kept_awake(display.notice):
+                    outcome = live.run()
+                _hand_over(worker, options, outcome, display, live.last)
+                return outcome
             shots, watch = options.shots or VIRTUAL_SHOTS, options.watch or options.out / "incoming"
             chosen = replace(options, first=first, shots=shots, watch=watch)
             display.notice(f"virtual rig: simulating {shots} shots")
@@ -90,12 +109,44 @@ def run_live(
                 watch.mkdir(parents=True, exist_ok=True)
                 _wait_for(worker, warm)
                 live = LiveRange(
-                    rig, chosen, display, folder, devices=day.devices, over=lambda: day.over, worker=worker
+                    rig,
+                    chosen,
+                    display,
+                    folder,
+                    devices=day.devices,
+                    over=lambda: day.over,
+                    worker=worker,
+                    earlier=earlier,
+                    recovered=recovered,
                 )
                 outcome = live.run(day.start)
                 if day.over:  # else it was interrupted, and its devices were closed under it
                     day.raise_failure()
-                return outcome
+            _hand_over(worker, options, outcome, display, live.last)
+            return outcome
+
+
+def _hand_over(
+    worker: WarmWorker, options: LiveOptions, outcome: LiveOutcome, display: Display, last: RangeState | None
+) -> None:
+    """Write the page of the day, where shots are identified; what is wrong with it is said, and ends nothing."""
+    if not options.identify or outcome.error is not None or not any(options.out.glob("*.h5")):
+        return
+    doing = "making the page of the day; Ctrl-C leaves that to `recoil-daq day`"
+    display.notice(doing)
+    made = worker.ask(_DAY, options.out)
+    try:
+        while not made.done:
+            if last is not None:
+                display.show(replace(last, asked=doing))
+            time.sleep(_LOOK_S)
+            worker.look()
+        display.notice(f"the day, and what to copy of it: {made.result()}")
+    except KeyboardInterrupt:
+        display.notice(f"left out: `recoil-daq day {quoted(options.out)}` makes the page of the day")
+    except Exception as error:  # whatever it is, the shots are in their files
+        why = str(error) if isinstance(error, RecoilDaqError) else f"{type(error).__name__}: {error}"
+        display.notice(f"no page of the day: {why}")
 
 
 def _wait_for(worker: WarmWorker, warm: WarmWork) -> None:
@@ -134,15 +185,18 @@ def _check_watched(folder: Path) -> None:
         )
 
 
-def _recover(rig: Rig, options: LiveOptions, display: Display) -> list[LiveShot]:
+def _recover(rig: Rig, options: LiveOptions, display: Display) -> tuple[list[LiveShot], list[str]]:
     """Recover what a crash left over before anything new is recorded; removing it is left to a person.
 
     Returns
     -------
-    list of LiveShot
+    left : list of LiveShot
         Shots of the rig that wait for files of other instruments, which this session gives them.
+    recovered : list of str
+        Names of all shots that were recovered; of a journal without any, what that is worth.
     """
     left: list[LiveShot] = []
+    recovered: list[str] = []
     journals = find_logs(options.out / "journal")
     done_before = [one for one in journals if (options.out / "recovered" / f"{one.name}{SUFFIX}").exists()]
     if done_before:
@@ -163,6 +217,8 @@ def _recover(rig: Rig, options: LiveOptions, display: Display) -> list[LiveShot]
         except Exception as error:  # whatever is in an old journal, it keeps no range from being armed
             display.notice(f"it is left as it is: {type(error).__name__}: {error}")
             continue
+        new = [f"shot {shot.name}" for shot in done.shots if not shot.was_there]
+        recovered += new or ["no shot that had no capture"]
         for shot in done.shots:
             capture = f"its capture is {shot.path}"
             what = capture if shot.shot_file is None else f"its shot file is {shot.shot_file}"
@@ -181,7 +237,7 @@ def _recover(rig: Rig, options: LiveOptions, display: Display) -> list[LiveShot]
         found = [f"{done.lost_records} records missing, {done.damaged_bytes} bytes damaged"] if done.damaged else []
         found += [f"{len(done.outside)} times something happened outside of every shot"] if done.outside else []
         display.notice("; ".join([*found, f"it is kept: `recoil-daq recover {quoted(journal)}` says more"]))
-    return left
+    return left, recovered
 
 
 def _waiting(shot: RecoveredShot) -> LiveShot | None:

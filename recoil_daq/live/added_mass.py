@@ -11,6 +11,7 @@ from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.quantities.typed_quantity import typed_quantity
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
 from recoil_acquisition.store.shot_log_row import NUMBERS, ShotLogRow
+from recoil_daq.live.line_entry import LineEntry
 from recoil_rigs.tables.knowledge import Knowledge
 
 QUESTION = "added mass of the shots to come, kg, and its u (such as 12.5 0.05); - for not stated"
@@ -19,7 +20,6 @@ NOT_STATED = "-"
 _BETWEEN = re.compile(r"\s*(?:\+-|\+/-|±)\s*|(?<=\S)\s+(?=[+-]?[.,]?\d)", re.ASCII)
 _TYPED = frozenset("0123456789.,+- ±/kgtlbozm")
 _LONGEST = 32
-_ENTER, _BACK = "\r\n", "\b\x7f"
 
 
 @dataclass(frozen=True)
@@ -106,27 +106,6 @@ def weight_of(knowledge: Knowledge) -> AddedMass | None:
     return None if kg is None else AddedMass(kg, knowledge.u_weighed_mass_kg)
 
 
-class AddedMassEntry:
-    """Answer to the question for the added mass, as it is typed key by key while the session goes on.
-
-    Attributes
-    ----------
-    typed
-        Text so far.
-    """
-
-    def __init__(self) -> None:
-        self.typed = ""
-
-    def press(self, key: str) -> bool:
-        """Take a key; return whether the answer is complete."""
-        if key and key in _ENTER:
-            return True
-        if key and key in _BACK:
-            self.typed = self.typed[:-1]
-        elif key in _TYPED and len(self.typed) < _LONGEST:
-            self.typed += key
-        return False
-
-    def __str__(self) -> str:
-        return f"{QUESTION}: {self.typed}"
+def mass_entry() -> LineEntry:
+    """Return the entry of what the shots to come carry."""
+    return LineEntry(QUESTION, _TYPED, _LONGEST)

@@ -50,6 +50,8 @@ class ChannelHeard:
         Sentence that states what speaks against the channel, and what to do next.
     value
         Last sample, in the unit in which people read the channel; empty if nothing came.
+    noise_shown
+        Noise in that unit; empty if there are too few samples.
     noise_of_range
         Noise as a share of the channel's range; None where none is declared.
     stamped_by
@@ -68,6 +70,7 @@ class ChannelHeard:
     verdict: Verdict
     finding: str
     value: str = ""
+    noise_shown: str = ""
     noise_of_range: float | None = None
     stamped_by: str = ""
     triggers: tuple[ConditionAtRest, ...] = ()
@@ -223,6 +226,7 @@ def _judged(
             ChannelHeard(
                 source.name, channel.name, channel.unit, values.size / listened_s, mean, noise, verdict, finding,
                 value=channel.shown(float(values[-1]), digits=3) if values.size and np.isfinite(values[-1]) else "",
+                noise_shown="" if noise is None else channel.shown(noise, span=True, digits=3),
                 noise_of_range=None if noise is None or channel.range is None else noise / np.ptp(channel.range).item(),
                 stamped_by=stamped if values.size else "",
             )
@@ -246,14 +250,14 @@ def _judge(
         (low, high), (least, most) = channel.range, allowed(channel.range)
         middle, half = (low + high) / 2, (high - low) / 2
         if not least <= mean <= most:
-            return "fail", f"rests at {mean:.4g} {channel.unit}, outside of its range: check the unit and the wiring"
+            return "fail", f"rests at {channel.shown(mean)}, outside of its range: check the unit and the wiring"
         # a one-sided gauge rests at the end of its range that is zero
         at_zero = (mean < middle and least < low) or (mean > middle and most > high)
         if abs(mean - middle) > NEAR_RANGE * half and not at_zero:
-            return "warn", f"rests at {mean:.4g} {channel.unit}, at the end of its range: check zero and wiring"
+            return "warn", f"rests at {channel.shown(mean)}, at the end of its range: check zero and wiring"
         share = f"noise is {100 * noise / (high - low):.2g} % of its range"
     if np.ptp(values) == 0:
-        return "warn", f"always {mean:.4g} {channel.unit}: sensor not connected?"
+        return "warn", f"always {channel.shown(mean)}: sensor not connected?"
     # a stream that is joined in its middle begins with bytes of half a frame
     lost = replace(counters, skipped_bytes=0)
     if lost_anything(lost):

@@ -34,6 +34,12 @@ class Display(Protocol):
         """Whether somebody can answer with a key."""
         ...
 
-    def key(self) -> str:
-        """Return the key that was pressed since the last call, in lower case; empty if none."""
+    def key(self, *, typed: bool = False) -> str:
+        """Return the key that was pressed since the last call, in lower case; empty if none.
+
+        Parameters
+        ----------
+        typed
+            Whether it belongs to a text that is typed: then it is as it was pressed, and means nothing else.
+        """
         ...

@@ -30,12 +30,13 @@ from recoil_daq.live.range_states import RangeStates
 from recoil_daq.live.rest_watch import RestWatch
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.shots.dropped_files import DroppedFiles
+from recoil_daq.live.shots.earlier_shots import EarlierShots
 from recoil_daq.live.shots.mass_work import MassWork
 from recoil_daq.live.shots.overview_work import OverviewWork
 from recoil_daq.live.shots.shot_work import ShotWork
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT
 from recoil_daq.live.trigger_decisions import PARTS_OF_REST, TriggerDecisions
-from recoil_daq.warm_worker import WarmWorker
+from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.left_out import left_out
 from recoil_rigs.shots.live_sources import live_sources, told_by
@@ -110,6 +111,16 @@ class LiveRange:
         Shots of a session that crashed, which wait for files of other instruments: they are given those that bear their
         number, and finished as the session's own are.
 
+    earlier
+        Work that reads the shots that are in the folder, see `recoil_daq.live.shots.earlier_shots`.
+    recovered
+        Names of shots that were recovered from a session that crashed.
+
+    Attributes
+    ----------
+    last
+        State in which it ended; None until it has.
+
     Raises
     ------
     RigError, DeviceError, ReadError
@@ -128,6 +139,8 @@ class LiveRange:
         rest_s: float = 0.0,
         worker: WarmWorker | None = None,
         left: Sequence[LiveShot] = (),
+        earlier: WarmWork | None = None,
+        recovered: Sequence[str] = (),
     ) -> None:
         self._rig = rig
         self._options = options
@@ -145,7 +158,7 @@ class LiveRange:
         elsewhere = {s.name for s in rig.sources if s.name not in live | self._without and rig.channels_of(s.name)}
         previewed = frozenset(s.name for s in self._sources if s.live_kind.is_preview)
         self._files = DroppedFiles(rig, options, display, elsewhere, self._trigger.post_s, previewed, left)
-        rest = self._rest = RestWatch()
+        rest = self._rest = RestWatch(rig.read_in)
         self._not_armed = ""  # why not, where the trigger fires at rest
         self._outcome = LiveOutcome(rig.name)
         self._decisions = TriggerDecisions(
@@ -155,20 +168,22 @@ class LiveRange:
         self._worker = WarmWorker() if worker is None else worker
         self._work = ShotWork(
             rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._follow,
-            self._worker,
+            self._worker, excluded=lambda _: self._masses.combine() if self._masses is not None else None,
         )  # fmt: skip
         for shot in left:
             shot.complete_s = time.monotonic()
             self._shots.append(shot)
             display.notice(f"shot {shot.name}, recovered, waits for files of {', '.join(shot.missing)} with its number")
-        self._keys = RangeKeys(display, self._files, self._work, self._heed)
+        self._keys = RangeKeys(display, self._files, self._work, self._heed, asks_mass=options.asks_mass)
         self._overviews = OverviewWork(self._worker, options.out, display, self._shots)
         self._masses = MassWork(self._worker, options.out, display) if options.identify else None
+        self._earlier, self._recovered = EarlierShots(earlier), recovered
         self._states = RangeStates(
             rig, options, display, [s for s in rig.sources if s.name in live | elsewhere], self._shots,
             files=self._files, work=self._work, masses=self._masses, decisions=self._decisions, losses=self._losses,
-            rest=rest,
+            rest=rest, earlier=self._earlier,
         )  # fmt: skip
+        self.last: RangeState | None = None
         self._interruption = Interruption()
         self._asking = self._left = self._refused = False
         self._dropped_until_s = -math.inf  # what fired at rest until then is no shot
@@ -218,10 +233,16 @@ class LiveRange:
                     session.arm()
                     started()
                     if self._rests(session):
+                        self._say_recovered()
                         self._go_on(session)
                 finally:
                     self._end(session)
         return self._outcome
+
+    def _say_recovered(self) -> None:
+        """Say that it is armed, and what is there of the session that crashed."""
+        if self._recovered and not self._not_armed:
+            self._display.notice(f"armed again after a crash; recovered: {', '.join(self._recovered)}")
 
     def _taken(self, sources: Sequence[LiveSource]) -> tuple[LiveSource, ...]:
         """Return the sources of a session: all but those that are left out of it."""
@@ -346,7 +367,8 @@ class LiveRange:
             self._close(session)
             self._outcome.interrupted = self._interruption.asked
             self._write_log(session.journal_folder.name)
-            self._keep(self._states.state(session, self._alerts, self._asked))
+            self.last = self._states.state(session, self._alerts, "")
+            self._keep(self.last)
 
     def _complete(self, session: LiveSession) -> None:
         if not self._failed(session):
@@ -460,6 +482,10 @@ class LiveRange:
         if window is not None:
             self._begin(session, window)
         self._work.look(session)
+        if earlier := self._earlier.look(self._shots):
+            self._overviews.know(earlier)
+            if self._masses is not None:
+                self._masses.know(earlier)
         self._overviews.look()
         if self._masses is not None:
             self._masses.look()
@@ -469,7 +495,7 @@ class LiveRange:
         self._overviews.begin(shot)
         if self._masses is None:
             return
-        if shot.state is ShotState.USABLE:
+        if shot.state in (ShotState.USABLE, ShotState.RECORD_ONLY, ShotState.NOT_USABLE):
             self._masses.begin(shot)
         else:
             self._masses.forget(shot)

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from functools import partial
 
 from recoil_acquisition.capture.live_session import LiveSession
-from recoil_daq.live.added_mass import NOT_STATED, AddedMass, AddedMassEntry
+from recoil_daq.live.added_mass import NOT_STATED, AddedMass, mass_entry
 from recoil_daq.live.display import Display
+from recoil_daq.live.line_entry import LineEntry
+from recoil_daq.live.log_words import EXCLUDE, NOTES, LogWords
 from recoil_daq.live.shot import LiveShot
 from recoil_daq.live.shots.dropped_files import DroppedFiles
 from recoil_daq.live.shots.shot_work import ShotWork
@@ -34,12 +36,19 @@ class RangeKeys:
     ----------
     heed
         Function called when somebody at the keys has seen an alarm, with whether he armed.
+    asks_mass
+        Whether the added mass is asked for until somebody answers.
     """
 
-    def __init__(self, display: Display, files: DroppedFiles, work: ShotWork, heed: Callable[[bool], None]) -> None:
+    def __init__(
+        self, display: Display, files: DroppedFiles, work: ShotWork, heed: Callable[[bool], None], *,
+        asks_mass: bool = False,
+    ) -> None:  # fmt: skip
         self._display, self._files, self._work, self._heed = display, files, work, heed
         self._question: _Question | None = None
-        self._entry: AddedMassEntry | None = None
+        self._entry: LineEntry | None = None
+        self._take: Callable[[str], None] = lambda _: None  # what is done with what was typed
+        self._asks_mass = asks_mass
 
     @property
     def asked(self) -> str:
@@ -50,15 +59,17 @@ class RangeKeys:
 
     @property
     def asked_in_turn(self) -> str:
-        """Whether the next shot carries what it is to; empty where no weight is at hand, or it was said."""
+        """Question for what the next shot carries; empty where it was said, or nobody is to be asked."""
         carries = self._work.in_turn
+        if carries is None and self._asks_mass:
+            return "added mass of the next shots, kg, and u; Enter: not now"
         return "" if carries is None else f"does shot {self._work.next_name} carry {carries}? y yes, m another"
 
     def look(self, session: LiveSession) -> bool:
         """Do what a key says, if one was pressed; return whether the session is to end."""
-        key = self._display.key()
+        key = self._display.key(typed=self._entry is not None)
         if self._entry is not None:
-            self._answer_mass(self._entry, key)
+            self._answer_entry(self._entry, key)
             return False
         if self._question is not None:
             return self._answer(self._question, key)
@@ -77,13 +88,20 @@ class RangeKeys:
             self._ask(f"{state.upper()}: end the session? y yes, n go on", lambda: True)
             return False
         elif key == "m":
-            self._entry = AddedMassEntry()
+            self._enter(mass_entry(), self._answer_mass)
+        elif key == " ":
+            self._work.see()
+            self._heed(False)
+        elif key in ("x", "l"):
+            self._write_on(self._work.last, EXCLUDE if key == "x" else NOTES)
         elif key == "c" and (waiting := self._work.dispensable):
             shot, names = next(iter(waiting.items()))
             text = f"shot {shot.name} waits for {', '.join(names)}: did not fire, go on without? y yes, n wait"
             self._ask(text, partial(self._go_on_without, shot, names))
         elif key == "y" and not self._files.asked and (carries := self._work.in_turn) is not None:
             self._state_mass(carries)
+        elif self._asks_mass and key and not self._files.asked:
+            self._begin_mass(key)
         else:
             self._files.answered(key)
         return key == "q"
@@ -114,13 +132,40 @@ class RangeKeys:
             self._question = None
         return key == "y" and question.yes()
 
-    def _answer_mass(self, entry: AddedMassEntry, key: str) -> None:
-        """Take a key of the answer to what the shots to come carry; an empty answer leaves it as it is."""
-        if not entry.press(key):
+    def _enter(self, entry: LineEntry, take: Callable[[str], None]) -> None:
+        self._entry, self._take = entry, take
+
+    def _begin_mass(self, key: str) -> None:
+        """Begin the answer to what was asked since it was armed, by its first character, or leave it by Enter."""
+        entry = mass_entry()
+        if entry.press(key):
+            self._asks_mass = False
+        elif entry.typed.strip():
+            self._enter(entry, self._answer_mass)
+
+    def _write_on(self, shot: LiveShot | None, column: str) -> None:
+        """Ask for words on a shot, for its row of the shot log."""
+        if shot is None:
+            self._display.notice("no shot yet")
             return
-        self._entry, text = None, entry.typed.strip()
-        if not text:
-            return
+        name, before = shot.name, f" (now: {shot.excluded}; - takes it back)" if shot.excluded else ""
+        question = f"note on shot {name}" if column == NOTES else f"shot {name} is left out of the mass, why{before}"
+
+        def take(text: str) -> None:
+            words = "" if column == EXCLUDE and text == NOT_STATED else text
+            self._work.write(LogWords(name, column, words))
+
+        self._enter(LineEntry(f"{question} (Enter)"), take)
+
+    def _answer_entry(self, entry: LineEntry, key: str) -> None:
+        """Take a key of what is typed; an empty answer leaves everything as it is."""
+        if entry.press(key):
+            self._entry = None
+            if text := entry.typed.strip():
+                self._take(text)
+
+    def _answer_mass(self, text: str) -> None:
+        """Take what the shots to come carry, as it was typed."""
         try:
             added = None if text == NOT_STATED else AddedMass.of(text)
         except ValueError as error:
@@ -130,6 +175,6 @@ class RangeKeys:
 
     def _state_mass(self, added: AddedMass | None) -> None:
         """Take what the shots to come carry."""
-        self._work.added_mass = added
+        self._work.added_mass, self._asks_mass = added, False
         stated = "not stated" if added is None else "; ".join([str(added), *added.doubts])
         self._display.notice(f"added mass of the shots to come: {stated}")

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Literal
 
 from recoil_acquisition.capture.status import ChannelStatus, SourceStatus, State
+from recoil_acquisition.quantities.unit_choice import SI, UnitChoice
 from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.shot import LiveShot, ShotState, losses_of
 from recoil_daq.terminal.verdict_line import VerdictLine
@@ -23,8 +24,9 @@ NOTICES_OF_FILE = 10
 
 OLD_S = 1.0
 """Silence of a live source, s, from which on something is wrong with it."""
-NOT_UNDERSTOOD_S = 2.0
-"""Time without a sample of a source whose bytes come, s, from which on its bytes are not what the rig declares."""
+NOT_UNDERSTOOD_S = 0.8
+"""Time without a level of a source whose bytes come, s, from which on its bytes are not what the rig declares: a level
+is of the last second."""
 
 SourceState = Literal["live", "not understood", "silent", "lost", "stopped", "for files", "not open"]
 
@@ -102,6 +104,10 @@ class RangeFigure:
     value: float
     unit: str
 
+    def times(self, factor: float, unit: str) -> RangeFigure:
+        """Return it in another unit, of which one of its own has so many."""
+        return replace(self, value=factor * self.value, unit=unit)
+
 
 _ROLES = (
     ("breech_pressure", FigureCode.BREECH, "Pa"), ("driving_force", FigureCode.DRIVE, "N"),
@@ -162,9 +168,13 @@ class RangeShot:
     provisional
         Whether what its mass rests on is to change: other files are to come, or the full rate.
     age_s
-        Time since its verdict, s; None until there is one.
+        Time since its verdict, s; None until there is one, and of a shot of before this session.
     overview
         SHA-256 of the shot file of which its overview is; empty until there is one.
+    excluded
+        Reason why it is left out of the mass, as somebody at the keys wrote it; empty if it is not.
+    seen
+        Whether somebody at the keys has seen its verdict.
     """
 
     name: str
@@ -183,6 +193,8 @@ class RangeShot:
     age_s: float | None = None
     growing: tuple[str, ...] = ()
     overview: str = ""
+    excluded: str = ""
+    seen: bool = False
 
     @classmethod
     def of(
@@ -210,6 +222,8 @@ class RangeShot:
             provisional=bool(shot.previews) or bool((shot.mass or {}).get("provisional")),
             age_s=None if now_s is None or shot.judged_s is None else now_s - shot.judged_s,
             growing=tuple(sorted(shot.growing)),
+            excluded=shot.excluded,
+            seen=shot.seen,
             overview=shot.overview,
         )  # fmt: skip
 
@@ -228,6 +242,7 @@ class RangeShot:
             "mass": self.mass,
             "mass_to_come": self.mass_to_come,
             "provisional": self.provisional,
+            "excluded": self.excluded or None,
             "figures": [asdict(figure) for figure in self.figures],
             "peaks": {name: list(ends) for name, ends in (self.peaks or {}).items()},
             "overview": self.overview or None,
@@ -308,6 +323,8 @@ class RangeState:
         Age of the oldest data that is not yet forced to the disk, s.
     unseen_bytes
         Bytes that are recorded and that the trigger has not looked at.
+    units
+        Units in which people read it: all else is in SI.
     """
 
     utc: str
@@ -336,6 +353,18 @@ class RangeState:
     journal_bytes: int
     unsynced_s: float
     unseen_bytes: int
+    units: UnitChoice = SI
+
+    def as_read(self) -> RangeState:
+        """Return it with channels and figures in the units in which people read them."""
+        if not self.units.by_quantity:
+            return self
+        shots = tuple(
+            replace(shot, figures=tuple(figure.times(*self.units.factor(figure.unit)) for figure in shot.figures))
+            for shot in self.shots
+        )
+        channels = tuple(channel.times(*self.units.factor(channel.unit)) for channel in self.channels)
+        return replace(self, channels=channels, shots=shots)
 
     @property
     def live(self) -> tuple[SourceStatus, ...]:
@@ -368,6 +397,7 @@ class RangeState:
             "journal_bytes": self.journal_bytes,
             "unsynced_s": self.unsynced_s,
             "unseen_bytes": self.unseen_bytes,
+            "units": self.units.to_json(),
             "sources": [source.to_json() for source in self.sources],
             "channels": [asdict(channel) for channel in self.channels],
             "shots": [shot.to_json() for shot in self.shots],

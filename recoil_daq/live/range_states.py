@@ -11,12 +11,14 @@ from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.clocks.host_clock import Anchor, anchor
 from recoil_daq.live.device_losses import DeviceLosses
 from recoil_daq.live.display import Display
-from recoil_daq.live.range_state import OLD_S, RangeShot, RangeSource, RangeState, SourceState, is_old, source_state
+from recoil_daq.live.range_state import OLD_S, RangeShot, RangeSource, RangeState, SourceState, source_state
 from recoil_daq.live.rest_watch import RestWatch
 from recoil_daq.live.shot import LiveOptions, LiveShot
 from recoil_daq.live.shots.dropped_files import DroppedFiles
+from recoil_daq.live.shots.earlier_shots import EarlierShots
 from recoil_daq.live.shots.mass_work import MassWork
 from recoil_daq.live.shots.shot_work import ShotWork
+from recoil_daq.live.source_alarms import SourceAlarms
 from recoil_daq.live.state_file import StateFile
 from recoil_daq.live.trigger_decisions import TriggerDecisions
 from recoil_rigs.rig import Rig
@@ -26,6 +28,10 @@ from recoil_rigs.twin.range_day import is_virtual_rig
 
 CLOCK_SET_S = 2.0
 """Step of the host's wall clock from which on it is named, s: times of day are not better known."""
+
+DISK_FULL_BYTES = 1 << 24
+"""Room on the disk below which no capture of a shot may fit."""
+FULL = "DISK FULL: shots stay in the journal, make room"
 
 
 class RangeStates:
@@ -39,6 +45,8 @@ class RangeStates:
         Shots of the session, as it stands.
     masses
         Masses of the shots; None if none is identified.
+    earlier
+        Shots of before this session.
 
     Attributes
     ----------
@@ -60,12 +68,17 @@ class RangeStates:
         decisions: TriggerDecisions,
         losses: DeviceLosses,
         rest: RestWatch,
+        earlier: EarlierShots,
     ) -> None:
         self._rig, self._options, self._display = rig, options, display
         self._sources, self._shots = sources, shots
         self._files, self._work, self._masses = files, work, masses
         self._decisions, self._losses, self._rest = decisions, losses, rest
-        self._triggering = () if rig.trigger is None else rig.trigger.channels
+        self._earlier = earlier
+        triggering = () if rig.trigger is None else rig.trigger.channels
+        self._alarms = SourceAlarms(
+            {c.source for c in rig.channels if c.name in triggering}, {c.source for c in rig.channels if c.role}
+        )
         self._virtual = is_virtual_rig(rig)
         self._not_calibrated = _not_calibrated(rig)
         self._file = StateFile(options.out)
@@ -92,13 +105,18 @@ class RangeStates:
             Question that is to be answered; empty if there is none.
         """
         status, now_s = session.status, time.monotonic()
-        alerts = [*alerts, *(f"{source} LOST" for source in self._losses.lost)]
-        alerts += [text for text in (status.alert, self._deaf(status), self._files.away) if text]
+        sources = tuple(self._source(source, status, now_s) for source in self._sources)
+        # a virtual rig is silent when it has played, and disarmed then
+        heard = status.armed_s > OLD_S and not (self._virtual and status.state == "disarmed")
+        alarms = self._alarms.look(sources, now_s) if heard else ()
+        full = FULL if status.disk_free_bytes < DISK_FULL_BYTES and status.state != "stopped" else ""
+        alerts = [*alerts, *alarms, *(text for text in (status.alert, self._files.away, full) if text)]
         if self._since[0] != status.state:
             self._since = status.state, now_s
         within_s = self._options.files_within_s
         awaited = frozenset[str]() if self._masses is None else self._masses.awaited
-        shots = [
+        shots = [RangeShot.of(shot) for shot in self._earlier.shots]
+        shots += [
             RangeShot.of(
                 shot, max(shot.complete_s + within_s - now_s, 0.0), now_s=now_s, mass_to_come=shot.name in awaited
             )
@@ -113,7 +131,7 @@ class RangeStates:
             since_s=now_s - self._since[1],
             alert=", ".join(alerts),
             next_shot=self._work.next_name,
-            sources=tuple(self._source(source, status, now_s) for source in self._sources),
+            sources=sources,
             channels=tuple(channel.with_peak(peaks.get(channel.name)) for channel in status.channels),
             shots=tuple(shots),
             triggered=status.shots,
@@ -132,6 +150,7 @@ class RangeStates:
             journal_bytes=status.journal_bytes,
             unsynced_s=status.unsynced_s,
             unseen_bytes=status.unseen_bytes,
+            units=self._rig.read_in,
         )
 
     def _source(self, source: Source, status: LiveStatus, now_s: float) -> RangeSource:
@@ -151,14 +170,6 @@ class RangeStates:
             self._files.growing_of(source.name), waited_s,
             max(self._options.files_within_s - (waited_s or 0.0), 0.0) if waits else None,
         )  # fmt: skip
-
-    def _deaf(self, status: LiveStatus) -> str:
-        """Name the sources that the trigger looks at and that are silent while armed: nothing of them fires."""
-        if status.state not in ("armed", "recording") or status.armed_s <= OLD_S:
-            return ""
-        looked_at = {c.source for c in status.channels if c.name in self._triggering} - set(self._losses.lost)
-        silent = [s.name for s in status.sources if s.name in looked_at and is_old(s) and not s.error]
-        return f"{', '.join(silent)} SILENT: the trigger looks at it" if silent else ""
 
     def _clock_set(self) -> tuple[str, ...]:
         """Say by how much the computer's clock was set since it was armed: shots are dated by it as it was then."""

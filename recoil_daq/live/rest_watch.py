@@ -10,6 +10,7 @@ import numpy as np
 
 from recoil_acquisition.capture.engine import Level
 from recoil_acquisition.capture.status import ChannelStatus
+from recoil_acquisition.quantities.unit_choice import SI, UnitChoice
 from recoil_daq.terminal.engineering import engineering, spelled
 
 AFTER_S = 5.0
@@ -22,9 +23,16 @@ _KEPT_S = 10.0
 
 
 class RestWatch:
-    """Compares where channels are at rest with where they were before the last shot."""
+    """Compares where channels are at rest with where they were before the last shot.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    units
+        Units in which people read them.
+    """
+
+    def __init__(self, units: UnitChoice = SI) -> None:
+        self._units = units
         self._seen: deque[tuple[float, dict[str, Level]]] = deque()
         self._before: dict[str, Level] = {}
         self._shot = ""
@@ -60,7 +68,8 @@ class RestWatch:
             moved = (now.high + now.low - before.high - before.low) / 2.0
             if abs(moved) > max(MOVED * span, noise, noise_before):
                 sign = "+" if moved > 0 else ""
-                text = f"{sign}{engineering(moved, spelled(channel.unit), digits=2)}"
+                factor, unit = self._units.factor(channel.unit)
+                text = f"{sign}{engineering(factor * moved, spelled(unit), digits=2)}"
                 yield f"zero of {channel.name} {text} since before {self._shot}"
             elif noise > NOISIER * max(noise_before, _LEAST_NOISE * span):
                 factor = noise / max(noise_before, 1e-300)

@@ -109,6 +109,10 @@ class LiveShot:
         Host time of its verdict, s; None until there is one.
     overview
         SHA-256 of the shot file that its overview was made of; empty until there is one.
+    excluded
+        Reason why it is left out of the mass, as somebody at the keys wrote it; empty if it is not.
+    seen
+        Whether somebody at the keys has seen its verdict.
     uncut
         Whether it failed since it could not be cut out of the journal, which is tried again.
     """
@@ -131,6 +135,8 @@ class LiveShot:
     mass: Mapping[str, Any] | None = None
     judged_s: float | None = None
     overview: str = ""
+    excluded: str = ""
+    seen: bool = False
     uncut: bool = False
 
     @property
@@ -212,6 +218,8 @@ class LiveOptions:
         Whether every usable shot is identified while the session goes on.
     added_mass
         Mass that the shots to come carry, until somebody at the keys states another; None if nobody stated any.
+    asks_mass
+        Whether that is asked for at the keys, once it is armed, until somebody answers.
     weight
         Mass that every second shot is to carry: from shot to shot it is asked whether the next one does. None if there
         is none.
@@ -227,6 +235,7 @@ class LiveOptions:
     spare: Path | None = None
     identify: bool = False
     added_mass: AddedMass | None = None
+    asks_mass: bool = False
     weight: AddedMass | None = None
     without: tuple[str, ...] = ()
 

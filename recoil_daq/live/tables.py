@@ -14,7 +14,6 @@ from recoil_acquisition.shot.quality_check import Check
 from recoil_daq.live.display import Display
 from recoil_daq.live.interruption import as_ctrl_c
 from recoil_daq.live.trigger_at_rest import times
-from recoil_daq.terminal.engineering import engineering
 from recoil_daq.terminal.overview import print_shots
 from recoil_daq.terminal.tables import print_table, say
 from recoil_daq.terminal.verdict_line import VerdictLine
@@ -235,7 +234,7 @@ def print_devices(document: Mapping[str, Any]) -> None:
     rows = [
         (
             one["channel"] or "(device)", one["source"], f"{one['rate_hz']:.0f}", one["value"] or "-",
-            engineering(one["noise"], one["unit"]),
+            one["noise_shown"] or "-",
             "-" if one["noise_of_range"] is None else f"{100 * one['noise_of_range']:.2g}", one["verdict"],
         )
         for one in heard

@@ -303,7 +303,7 @@ class _AgainstFiles:
         except RecoilDaqError as error:
             self._faults.append(_fault_of_file(recording.path, error, (Row("channel", spec.name),)))
             return {}
-        (name, own), limits = shown_unit(spec, header.unit, unit), range_si(spec)
+        (name, own), limits = shown_unit(spec, header.unit, unit, self._rig.read_in), range_si(spec)
         found = {
             "measured_in": name,
             "peak": None if peak is None else own.from_si(peak),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.files.strict_json import told_in_one_line
@@ -110,17 +110,7 @@ def index_shots(
     if xlsx:
         refuse_without_workbooks()
     Output(folder, overwrite=overwrite).refuse_unwritable(folder, _FILES)
-    found = _Files.of([Path(one) for one in places])
-    rows, faults = [], []
-    for number, one in enumerate(found.each(folder)):
-        progress(f"{number + 1} of at most {found.count} read")
-        if isinstance(one, RecoilDaqError):
-            faults.append(one)
-        elif one is not None:
-            rows.append(one)
-    document = index_document(
-        rows, version=__version__, failed=[{"file": str(one.path), "error": str(one)} for one in faults]
-    )
+    document, faults = listed([Path(one) for one in places], folder, progress)
     progress("page")
     page = render_results_page(document)
 
@@ -131,7 +121,26 @@ def index_shots(
             write_workbook(partial / INDEX_BOOK, {"shots": INDEX.frame(document)})
 
     publish(folder, write, obsolete=_FILES)
-    return Indexed(document, folder / INDEX_PAGE, tuple(faults))
+    return Indexed(document, folder / INDEX_PAGE, faults)
+
+
+def listed(
+    places: Sequence[Path], home: Path, progress: Progress = lambda _: None
+) -> tuple[dict[str, Any], tuple[RecoilDaqError, ...]]:
+    """Return the index of places, whose pages are found from a folder, and why files could not be listed."""
+    found = _Files.of(places)
+    rows, faults = [], []
+    for number, one in enumerate(found.each(home)):
+        progress(f"{number + 1} of at most {found.count} read")
+        if isinstance(one, RecoilDaqError):
+            faults.append(one)
+        elif one is not None:
+            rows.append(one)
+    failed = [{"file": str(one.path), "error": str(one)} for one in faults]
+    document = index_document(rows, version=__version__, failed=failed)
+    if len(found.units) == 1:
+        document["issued"] = {"units": [*next(iter(found.units))]}
+    return document, tuple(faults)
 
 
 @dataclass(frozen=True)
@@ -140,19 +149,26 @@ class _Files:
 
     Attributes
     ----------
+    beside
+        Reports in a folder beside one of shot files: those count that are of one of its shots.
     logs
         Shot logs by folder, as far as they were read.
+    units
+        Units in which reports that were read are to be read: where all agree, so is what they are listed in.
     """
 
     shots: tuple[Path, ...]
     reports: tuple[Path, ...]
+    beside: frozenset[Path] = frozenset()
     logs: dict[Path, ShotLog] = field(default_factory=dict)
+    units: set[tuple[str, ...]] = field(default_factory=set)
 
     @classmethod
     def of(cls, places: Sequence[Path]) -> _Files:
         """List the files of places, each once; ReadError where there is none."""
         shots: list[Path] = []
         reports: list[Path] = []
+        beside: list[Path] = []
         usual = [one for one in (Path(SHOTS), Path(REPORTS)) if one.is_dir()]
         for place in places or usual:
             if place.suffix == ".json":
@@ -173,11 +189,14 @@ class _Files:
                 )  # fmt: skip
             shots += here
             reports += there
+            beside += [] if there else reports_in(place.absolute().parent / REPORTS)
         if not shots and not reports:
             raise ReadError(
                 f"no folder {SHOTS} or {REPORTS} here", path=Path(), remedy="name the folders of the shots and reports"
             )
-        return cls(tuple(dict.fromkeys(shots)), tuple(dict.fromkeys(reports)))
+        given = {path.absolute() for path in reports}
+        near = [path for path in map(_short, dict.fromkeys(beside)) if path.absolute() not in given]
+        return cls(tuple(dict.fromkeys(shots)), tuple(dict.fromkeys([*reports, *near])), frozenset(near))
 
     @property
     def count(self) -> int:
@@ -203,7 +222,10 @@ class _Files:
         reported: set[Path] = set()
         for path in self.reports:
             try:
-                yield self._of_report(path, by_digest, named, reported, home)
+                document = read_document(path)
+                if path in self.beside and not _is_of(document, by_digest, named):
+                    continue
+                yield self._of_report(path, document, by_digest, named, reported, home)
             except RecoilDaqError as error:
                 yield error
         for path in self.shots:
@@ -213,14 +235,15 @@ class _Files:
                 yield error
 
     def _of_report(
-        self, path: Path, by_digest: Mapping[str, Path], named: Mapping[str, Path], reported: set[Path], home: Path
-    ) -> Row:
+        self, path: Path, document: Mapping[str, Any], by_digest: Mapping[str, Path], named: Mapping[str, Path],
+        reported: set[Path], home: Path,
+    ) -> Row:  # fmt: skip
         """Return the row of a report, and note of which shot file it is."""
-        document = read_document(path)
         with told_in_one_line("this report cannot be listed", path, remedy=ANEW):
             fault = report_fault(document)
             row = row_of_report(document)
             shot_file = by_digest.get(str(document["provenance"]["inputs"][0]["sha256"]))
+            self.units.add(tuple(str(name) for name in (document.get("issued") or {}).get("units") or ()))
             INDEX.worded({"shots": [row]})  # what can be worded by itself can be worded among others
         row["report"] = way_to_page(home, path.parent)
         if fault:
@@ -245,6 +268,17 @@ class _Files:
         if folder not in self.logs:
             self.logs[folder] = ShotLog.beside(shot_file)
         return logged((self.logs[folder].row(shot) or ShotLogRow(shot)).to_json())
+
+
+def _short(path: Path) -> Path:
+    """Return a path from the current folder where it is in that one."""
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+
+
+def _is_of(document: Mapping[str, Any], by_digest: Mapping[str, Path], named: Mapping[str, Path]) -> bool:
+    """Return whether a report is of one of some shot files, by its digest or at least by its shot's name."""
+    inputs = document["provenance"].get("inputs") or [{}]
+    return str(inputs[0].get("sha256")) in by_digest or str(document["shot"]) in named
 
 
 def _remark(row: Row, text: str) -> None:

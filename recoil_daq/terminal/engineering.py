@@ -5,10 +5,20 @@ from __future__ import annotations
 import math
 import re
 
+from recoil_acquisition.quantities.quantity import find_unit
+
 PREFIXES = {-3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}
 """Power of a thousand -> prefix."""
 TAKES_PREFIX = re.compile(r"(?!kg)[^\W\d_]+(?![\^0-9])")
 """Beginning of a unit that takes a prefix: a symbol without a power, and without a prefix of its own."""
+_LEAST = 1e-12
+"""Value below which no prefix helps."""
+
+
+def takes_prefix(unit: str) -> bool:
+    """Return whether a unit is written with prefixes: those of SI are, and what was chosen instead is as it is."""
+    known = find_unit(unit)
+    return TAKES_PREFIX.match(unit) is not None and (known is None or known.factor == 1.0)
 
 
 def engineering(value: float | None, unit: str, digits: int = 3) -> str:
@@ -35,7 +45,7 @@ def _scaled(value: float | None, unit: str, digits: int = 3) -> tuple[str, str]:
         return "-", ""
     if value == 0:
         return "0", unit
-    if not TAKES_PREFIX.match(unit):
+    if not takes_prefix(unit) or abs(value) < _LEAST:
         return _plain(value, digits), unit
     exponent = min(max(math.floor(math.log10(abs(value)) / 3), -3), 3)
     scaled = float(f"{value / 10.0 ** (3 * exponent):.{digits}g}")

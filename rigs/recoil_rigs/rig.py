@@ -23,6 +23,7 @@ from recoil_acquisition.files.bounded_toml import LARGEST_BYTES
 from recoil_acquisition.files.regular_file import check_regular, read_small
 from recoil_acquisition.files.shot_name import composed
 from recoil_acquisition.listing import Listed, Listing
+from recoil_acquisition.quantities.unit_choice import UnitChoice
 from recoil_acquisition.readers.can.messages import CanDatabase, load_database
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.trigger.detector import Trigger
@@ -243,6 +244,11 @@ class Rig(Listed):
             raise RigError(self.path, [Fault(where, problem, FaultCode.RANGE)])
         projectile = self.knowledge.projectile.at(measured_m_s, u_m_s)
         return replace(self, knowledge=self.knowledge.model_copy(update={"projectile": projectile}))
+
+    @property
+    def read_in(self) -> UnitChoice:
+        """Units in which people read it; SI of what its ``[report]`` chooses none of."""
+        return UnitChoice.named(self.report.units or ())
 
     @property
     def specification(self) -> Specification:

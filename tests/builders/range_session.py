@@ -76,7 +76,7 @@ class Told:
     def noticed(self) -> tuple[Notice, ...]:
         return ()
 
-    def key(self) -> str:
+    def key(self, *, typed: bool = False) -> str:  # noqa: ARG002 - a display has it
         if not self._pressed and self.quits():
             self.quits = lambda: False
             self._pressed += "y"  # it is armed, and asks

@@ -9,6 +9,7 @@ from typing import Any
 from recoil_acquisition.capture.engine import Level
 from recoil_acquisition.capture.status import ChannelStatus, SourceStatus
 from recoil_acquisition.devices.device import Counters
+from recoil_acquisition.quantities.unit_choice import UnitChoice
 from recoil_acquisition.shot.usability import Usability
 from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.range_state import FigureCode, RangeFigure, RangeShot, RangeSource, RangeState
@@ -58,7 +59,7 @@ def usable(name: str, **changes: Any) -> RangeShot:
     """Return a shot that has its verdict and its mass."""
     made = RangeShot(
         name, ShotState.USABLE, settled=True, verdict=VerdictLine(Usability.USABLE, (), WARNED), peaks=PEAKS,
-        mass=MASS, figures=FIGURES, age_s=20.0,
+        mass=MASS, figures=FIGURES, age_s=100.0,
     )  # fmt: skip
     return replace(made, **changes)
 
@@ -67,6 +68,13 @@ CLIPPED = RangeShot(
     "0001", ShotState.NOT_USABLE, settled=True, why="p_breech at the high end of its range",
     verdict=VerdictLine(Usability.NOT_USABLE, ("p_breech at the high end of its range",)), age_s=400.0,
 )  # fmt: skip
+SPOILT = RangeShot(
+    "0003", ShotState.NOT_USABLE, settled=True, age_s=4.0, figures=FIGURES, peaks=PEAKS,
+    mass={**MASS, "valid": False, "reason": "the peak of p_breech is cut off"},
+    why="p_breech at the high end of its range: 12 of 50000 samples (limit 0); choose a larger range, or a gauge for "
+    "400 MPa, before the next shot",
+)  # fmt: skip
+"""A shot that is not usable, with what is known of it."""
 TRIGGERED = Notice(7, "2026-11-26T14:02:33.120+00:00", "trigger (p_breech at 5.1 MPa)")
 CAPTURED = Notice(8, "2026-11-26T14:02:34.310+00:00", "shot 0003 captured: 1.000 s; waiting for files of camera")
 CAMPAIGN = {
@@ -103,6 +111,24 @@ STATES = {
         shots=(CLIPPED, usable("0002", age_s=300.0), usable("0003", provisional=True)), sources=_HOME,
         notices=(CAPTURED, _VERDICT),
     ),
+    "usable": day(
+        shots=(CLIPPED, usable("0002", age_s=300.0), usable("0003", age_s=4.0)), sources=_HOME,
+        notices=(CAPTURED, _VERDICT),
+    ),
+    "not_usable": day(
+        shots=(usable("0001", age_s=700.0), usable("0002", age_s=300.0), SPOILT), sources=_HOME,
+        notices=(CAPTURED, replace(_VERDICT, text=f"shot 0003 not usable: {SPOILT.why}")),
+    ),
+    "seen": day(
+        shots=(usable("0001"), usable("0002", age_s=300.0, excluded="misfire"), replace(SPOILT, seen=True)),
+        sources=_HOME, notices=(CAPTURED,),
+    ),
+    "baud": day(
+        alert="imu NOT UNDERSTOOD: bytes come, none of them good: check baud rate, framing and cable",
+        sources=(*SOURCES[:2], replace(SOURCES[2], state="not understood"), _HOME[3]), shots=(usable("0003"),),
+    ),
+    "note": day(shots=(usable("0003"),), sources=_HOME, asked="note on shot 0003 (Enter): wind from the left, 5 m/s"),
+    "bar": day(units=UnitChoice.named(["bar", "g"]), shots=(usable("0003"),), sources=_HOME, notices=()),
     "recording": day(state="recording", since_s=0.4, sources=_HOME, shots=(CLIPPED, usable("0002"))),
     "disarmed": day(state="disarmed", sources=_HOME, shots=(usable("0003", mass=None, mass_to_come=True),)),
     "alarm": day(
@@ -114,7 +140,8 @@ STATES = {
         ),
     ),
     "lost": day(
-        alert="imu LOST", sources=(*SOURCES[:2], _LOST, SOURCES[3]), unsynced_s=2.4, unseen_bytes=7700,
+        alert="imu LOST: it is opened as soon as it is back",
+        sources=(*SOURCES[:2], _LOST, SOURCES[3]), unsynced_s=2.4, unseen_bytes=7700,
         disk_free_bytes=900_000_000, added_mass="120 kg, u 0.1 kg",
     ),
     "quit": day(asked="ARMED: end the session? y yes, n go on"),

@@ -268,7 +268,7 @@ class LiveSession:
             ),
             shots=self._shots,
             armed_s=now_s - self._began_s,
-            disk_free_bytes=_free_bytes(self._journal.folder) + journal.reserved_bytes,
+            disk_free_bytes=_free_bytes(self._journal.folder),
             journal_bytes=journal.bytes,
             unsynced_s=journal.unsynced_s,
             unseen_bytes=self._unseen_bytes,
@@ -473,7 +473,12 @@ class LiveSession:
 
 
 def _free_bytes(folder: Path) -> int:
-    try:
-        return shutil.disk_usage(folder).free
-    except OSError:
-        return 0
+    """Return the room on the disk of a folder, or of the one that it was in: a journal goes when its session ends."""
+    for place in (folder, *folder.parents):
+        try:
+            return shutil.disk_usage(place).free
+        except FileNotFoundError:
+            continue
+        except OSError:
+            break
+    return 0

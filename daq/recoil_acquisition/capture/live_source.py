@@ -47,10 +47,16 @@ class LiveChannel:
     shown_in: str = ""
     shown_unit: Unit | None = None
 
-    def shown(self, value: float, *, rate: bool = False, digits: int = 4) -> str:
-        """Write a value in SI in the unit in which people read the channel; a rate of change is by the second."""
+    def shown(self, value: float, *, rate: bool = False, span: bool = False, digits: int = 4) -> str:
+        """Write a value in SI in the unit in which people read the channel.
+
+        Parameters
+        ----------
+        rate, span
+            Whether it is a rate of change, by the second, or a difference of two values.
+        """
         unit, spelling = self.shown_unit or Unit(frozenset(), 1.0), self.shown_in or self.unit
-        number = value / unit.factor if rate else unit.from_si(value)
+        number = value / unit.factor if rate or span else unit.from_si(value)
         return f"{number:.{digits}g} {spelling}{'/s' if rate else ''}".strip()
 
 

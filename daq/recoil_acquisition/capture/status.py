@@ -66,6 +66,18 @@ class ChannelStatus:
         """Return it with the extremes of the last shot."""
         return replace(self, peak=peak)
 
+    def times(self, factor: float, unit: str) -> ChannelStatus:
+        """Return it in another unit, of which one of its own has so many."""
+        level, triggers_at = self.level, self.triggers_at
+        return replace(
+            self,
+            unit=unit,
+            level=None if level is None else Level(factor * level.last, factor * level.low, factor * level.high),
+            range=None if self.range is None else (factor * self.range[0], factor * self.range[1]),
+            triggers_at=None if triggers_at is None else factor * triggers_at,
+            peak=None if self.peak is None else (factor * self.peak[0], factor * self.peak[1]),
+        )
+
 
 @dataclass(frozen=True)
 class LiveStatus:
@@ -77,6 +89,8 @@ class LiveStatus:
         Number of shots since the acquisition was started.
     armed_s
         Time since it was started.
+    disk_free_bytes
+        Room for captures and shot files: what the journal has reserved is not free any more.
     journal_bytes
         Bytes written to the journal so far.
     unsynced_s

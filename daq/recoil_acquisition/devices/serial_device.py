@@ -90,9 +90,12 @@ class SerialDevice(ReopenedDevice):
     def open(self) -> None:
         """Open the port for this program alone; DeviceError if that fails, ValueError if it is open already."""
         super().open()
-        self._identity = learn(self._identity)
+        self._identity = learn(self._identity, self._opened_as())
 
     def _open_fault(self, error: Exception) -> DeviceError:
+        if isinstance(error, DeviceError):
+            problem = f"source '{self.name}': {error.problem}"
+            return DeviceError(problem, found=error.found, remedy=error.remedy)
         return open_fault(self.name, f"port {self._what}", error, available=port_names())
 
     def _rest(self) -> list[Block]:

@@ -36,12 +36,16 @@ class PortIdentity:
         USB identifiers; None for a port that is no USB device.
     serial_number
         Serial number of the USB device; empty for any.
+    location
+        Socket of the computer that it is plugged into, as the system names it; empty if it is not known. It tells
+        devices apart that have no serial number.
     """
 
     path: str
     vendor: int | None = None
     product: int | None = None
     serial_number: str = ""
+    location: str = ""
 
 
 def identity_of(declared: str) -> PortIdentity:
@@ -52,36 +56,67 @@ def identity_of(declared: str) -> PortIdentity:
     return PortIdentity("", int(match.group(1), 16), int(match.group(2), 16), match.group(3) or "")
 
 
-def learn(identity: PortIdentity) -> PortIdentity:
-    """Add the USB identifiers that the system knows of the port at a path, while it is plugged in."""
+def learn(identity: PortIdentity, opened: str = "") -> PortIdentity:
+    """Add what the system knows of the port that was opened, while it is plugged in.
+
+    Parameters
+    ----------
+    opened
+        Path of the port; that which was declared if left out.
+    """
     from serial.tools.list_ports import comports
 
-    if identity.vendor is not None:
-        return identity
     for port in comports():
-        if port.vid is not None and _same(port.device, identity.path):
-            return PortIdentity(identity.path, port.vid, port.pid, port.serial_number or "")
+        if port.vid is not None and _same(port.device, opened or identity.path):
+            # one that was declared by its kind may be another one of it the next time
+            number = identity.serial_number if identity.vendor is not None else port.serial_number or ""
+            return PortIdentity(identity.path, port.vid, port.pid, number, port.location or "")
     return identity
 
 
 def find(identity: PortIdentity) -> str:
     """Return the path under which a port is to be opened now.
 
-    The declared path is taken if it is there: it may be a link made for this very purpose. Else
-    the USB device with the same identifiers is looked for.
+    Of a device that was there before, the one with the same identifiers in the same socket is taken; else the declared
+    path if it is there, which may be a link made for this very purpose; else the device with the same identifiers.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is none.
+    DeviceError
+        If there are several, and nothing says which is meant.
     """
     from serial.tools.list_ports import comports
 
-    if identity.path and (identity.vendor is None or Path(identity.path).exists()):
+    if identity.vendor is None and identity.path:
         return identity.path
-    for port in comports():
-        alike = (port.vid, port.pid) == (identity.vendor, identity.product)
-        if alike and identity.serial_number in ("", port.serial_number):
-            return str(port.device)
+    kind = identity.vendor, identity.product
+    alike = [port for port in comports() if (port.vid, port.pid) == kind]
+    found = [port for port in alike if identity.serial_number in ("", port.serial_number)]
+    there = [port for port in found if identity.location and port.location == identity.location]
+    if not there and identity.path and Path(identity.path).exists():
+        return identity.path
+    found = there or found
+    if len(found) == 1:
+        return str(found[0].device)
+    named = f"{identity.vendor:04x}:{identity.product:04x}" if identity.vendor is not None else "?"
+    if found:
+        raise DeviceError(
+            f"{len(found)} USB devices {named} are plugged in, and nothing says which is meant",
+            found=", ".join(_told_apart(port) for port in found),
+            remedy="write `port` as one of these paths, or with the serial number behind: usb:VID:PID:SERIAL; on Linux "
+            "a path of /dev/serial/by-path stays with the socket",
+        )
     if identity.path:
         return identity.path
-    named = f"{identity.vendor:04x}:{identity.product:04x}" if identity.vendor is not None else "?"
     raise FileNotFoundError(2, f"no USB device {named} {identity.serial_number}".rstrip())
+
+
+def _told_apart(port: Any) -> str:
+    """Write a port with what tells it from others."""
+    number = f"serial number {port.serial_number}" if port.serial_number else "no serial number"
+    return f"{port.device} ({number}{f', at {port.location}' if port.location else ''})"
 
 
 def port_names() -> list[str]:

@@ -14,6 +14,8 @@ import secrets
 import time
 from pathlib import Path
 
+from recoil_acquisition.files.disk_sync import sync
+
 _TOKEN_BYTES = 4
 
 _NO_SUCH_CALL = frozenset(
@@ -129,7 +131,7 @@ def _rename_to_new(temporary: Path, path: Path) -> None:
 def sync_file(path: Path) -> None:
     """Force the content of a file to the disk; OSError if it cannot be."""
     with path.open("rb+") as stream:
-        os.fsync(stream.fileno())
+        sync(stream.fileno())
 
 
 def sync_folder(folder: Path) -> None:
@@ -148,7 +150,7 @@ def sync_folder(folder: Path) -> None:
     try:
         descriptor = os.open(folder, os.O_RDONLY)
         try:
-            os.fsync(descriptor)
+            sync(descriptor)
         finally:
             os.close(descriptor)
     except OSError as error:

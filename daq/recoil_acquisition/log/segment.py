@@ -9,6 +9,7 @@ import re
 import sys
 from pathlib import Path
 
+from recoil_acquisition.files.disk_sync import sync, sync_data
 from recoil_acquisition.files.file_lock import LockTakenError, TakenLock, is_locked
 
 LOCK_NAME = "writer.lock"
@@ -124,7 +125,7 @@ class WritingSegment:
         self._descriptor = os.open(path, flags, 0o644)
         try:
             _reserve(self._descriptor, size)
-            os.fsync(self._descriptor)
+            sync(self._descriptor)
         except OSError:
             self.discard()
             raise
@@ -150,14 +151,14 @@ class WritingSegment:
 
     def sync(self) -> None:
         """Force what is written to the disk."""
-        _sync_data(self._descriptor)
+        sync_data(self._descriptor)
 
     def finish(self) -> None:
         """Cut off the space that was not used, force the rest to the disk and close."""
         try:
             # Not `length`, which lags behind if the write was interrupted
             os.ftruncate(self._descriptor, os.lseek(self._descriptor, 0, os.SEEK_CUR))
-            os.fsync(self._descriptor)
+            sync(self._descriptor)
         finally:
             os.close(self._descriptor)
 
@@ -213,10 +214,3 @@ def _write_all(descriptor: int, parts: tuple[bytes | memoryview, ...]) -> None:
         if written <= 0:
             raise OSError(errno.EIO, "the system took no bytes")
         rest = rest[written:]
-
-
-def _sync_data(descriptor: int) -> None:
-    if hasattr(os, "fdatasync"):
-        os.fdatasync(descriptor)
-    else:
-        os.fsync(descriptor)

@@ -30,6 +30,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from recoil_acquisition.errors import ErrorCode, ReadError, StoreError
+from recoil_acquisition.files.disk_sync import sync
 from recoil_acquisition.files.file_lock import FileLock
 from recoil_acquisition.files.new_file import give_name, partial_path, remove_partials
 from recoil_acquisition.files.regular_file import read_small
@@ -194,7 +195,7 @@ class SharedFile:
             with temporary.open("xb") as stream:
                 stream.write(by)
                 stream.flush()
-                os.fsync(stream.fileno())
+                sync(stream.fileno())
             if content is not None:
                 shutil.copymode(self._target, temporary)
                 if keep or digest(content) not in {one.sha256 for one in ours}:

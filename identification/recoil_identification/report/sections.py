@@ -11,7 +11,7 @@ from typing import Any
 
 from recoil_identification.report.content import campaign_tables, sentences, tables
 from recoil_identification.report.content.section import ALL_OTHERS, Column, Section
-from recoil_identification.report.results import beside, history, shot_index, sweep
+from recoil_identification.report.results import beside, day, history, shot_index, sweep
 
 Document = Mapping[str, Any]
 
@@ -390,6 +390,9 @@ def sections_of(document: Document) -> tuple[Section, ...]:
     """Return the sections of a document, by what it is: a target's tables are its own, and so are reports' columns."""
     if (listed := _OF_RESULTS.get(document.get("schema", ""))) is not None:
         return listed
+    if document.get("schema") == day.SCHEMA:
+        lost = day.LOST if document["lost"] else day.NOTHING_LOST
+        return (*INDEX_SECTIONS, day.CAMPAIGN, lost, day.log_section(document), day.COPY)
     if document.get("schema") == beside.SCHEMA:
         return (*beside.differing(document), Section("figures", figure=ALL_OTHERS), INPUTS)
     if "target" in document:

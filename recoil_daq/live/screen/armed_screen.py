@@ -18,12 +18,16 @@ from recoil_daq.live.range_state import RangeState
 from recoil_daq.live.screen.keyboard import Keyboard
 from recoil_daq.live.screen.screen_look import Look
 from recoil_daq.live.screen.screen_picture import picture
+from recoil_daq.live.screen.screen_shots import LARGE_S, SHOT_STYLES
+from recoil_daq.live.shot import ShotState
 from recoil_daq.terminal.verdict_line import VerdictLine
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 DRAWS_PER_S = 5
+RING_EVERY_S = 0.4
+"""Time between two sounds of the terminal, s: closer ones are one to the ear."""
 WORDS_KEY = "w"
 """Key that the screen answers itself: it shows the warnings in words, or the channels again."""
 
@@ -58,6 +62,8 @@ class ArmedScreen:
         self._words = False
         self._alert = ""
         self._drawn_s = -math.inf
+        self._rings, self._rung_s = 0, -math.inf
+        self._sounded: dict[str, ShotState] = {}
         self._errors: str | None = None
 
     def __enter__(self) -> ArmedScreen:
@@ -102,9 +108,21 @@ class ArmedScreen:
         with contextlib.suppress(OSError):  # the terminal is gone: the session completes its shots without it
             self._print_until(drawn.first_notice if self._pictured else math.inf)
             self._live.update(Group(*drawn.lines), refresh=True)
-            if state.alert and not self._alert:
-                self._console.bell()
+            self._sound(state, now_s)
         self._alert = state.alert
+
+    def _sound(self, state: RangeState, now_s: float) -> None:
+        """Ring for what is new: once for an alarm and for a usable shot, twice for one that is not."""
+        self._rings += bool(state.alert and not self._alert)
+        for shot in state.shots:
+            told = shot.state in SHOT_STYLES and not shot.seen
+            fresh = told and shot.age_s is not None and shot.age_s < LARGE_S
+            if fresh and self._sounded.get(shot.name) != shot.state:
+                self._sounded[shot.name] = shot.state
+                self._rings += 1 if shot.state is ShotState.USABLE else 2
+        if self._rings and now_s - self._rung_s >= RING_EVERY_S:
+            self._rings, self._rung_s = self._rings - 1, now_s
+            self._console.bell()
 
     @property
     def look(self) -> Look:
@@ -142,11 +160,11 @@ class ArmedScreen:
         """Whether there is a terminal whose keys are read."""
         return self._keyboard.available
 
-    def key(self) -> str:
-        """Return the key that was pressed; that for the words is answered here."""
-        key = self._keyboard.key()
-        if key != WORDS_KEY:
-            return key
+    def key(self, *, typed: bool = False) -> str:
+        """Return the key that was pressed; that for the words is answered here, unless it is of a text."""
+        key = self._keyboard.key(typed=typed)
+        if typed or key.lower() != WORDS_KEY:
+            return key if typed else key.lower()
         self._words, self._drawn_s = not self._words, -math.inf
         return ""
 

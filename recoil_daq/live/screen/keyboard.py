@@ -26,6 +26,8 @@ _UNFINISHED_FOR_S = 0.5
 
 _MOST_AT_ONCE = 8
 """Most characters that are pressed at once: more that wait were pasted."""
+_LONGEST_PASTE = 500
+"""Most characters that are pasted into a text."""
 
 
 class Keyboard:
@@ -63,16 +65,22 @@ class Keyboard:
         """Whether there is a terminal whose keys are read."""
         return self._fd >= 0
 
-    def key(self) -> str:
-        """Return the key that was pressed first since the last call, in lower case; empty if none was."""
+    def key(self, *, typed: bool = False) -> str:
+        """Return the key that was pressed first since the last call; empty if none was.
+
+        Parameters
+        ----------
+        typed
+            Whether it belongs to a text, into which others may be pasted.
+        """
         if self._fd < 0:
             return ""
-        self._pressed += self._keys_in(_sent(self._fd))
+        self._pressed += self._keys_in(_sent(self._fd), _LONGEST_PASTE if typed else _MOST_AT_ONCE)
         key, self._pressed = self._pressed[:1], self._pressed[1:]
-        return key.lower()
+        return key
 
-    def _keys_in(self, sent: bytes) -> str:
-        """Return the characters among what the terminal sent."""
+    def _keys_in(self, sent: bytes, most: int = _MOST_AT_ONCE) -> str:
+        """Return the characters among what the terminal sent; none where more than so many came at once."""
         now_s = time.monotonic()
         if self._unfinished and now_s - self._unfinished_s > _UNFINISHED_FOR_S:
             self._unfinished = b""
@@ -83,7 +91,7 @@ class Keyboard:
         self._unfinished = b"" if unfinished is None else unfinished.group()
         self._unfinished_s = now_s
         keys = rest[: len(rest) - len(self._unfinished)].decode(errors="replace")
-        return keys if len(keys) <= _MOST_AT_ONCE else ""
+        return keys if len(keys) <= most else ""
 
 
 if sys.platform == "win32":

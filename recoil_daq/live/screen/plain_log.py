@@ -115,7 +115,7 @@ class PlainLog:
         """Never: a log has no keys."""
         return False
 
-    def key(self) -> str:
+    def key(self, *, typed: bool = False) -> str:  # noqa: ARG002 - a display has it
         """Return nothing: a log has no keys."""
         return ""
 

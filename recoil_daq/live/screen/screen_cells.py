@@ -12,7 +12,7 @@ from recoil_daq.live.range_state import RangeState, is_old
 from recoil_daq.live.screen.screen_table import line_of
 from recoil_daq.live.sensor_range import allowed
 from recoil_daq.live.shot import losses_of, lost_anything
-from recoil_daq.terminal.engineering import PREFIXES, TAKES_PREFIX, engineering, spelled
+from recoil_daq.terminal.engineering import PREFIXES, engineering, spelled, takes_prefix
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -34,7 +34,7 @@ def now_text(channel: ChannelStatus) -> str:
     if value is None or not math.isfinite(value) or not 0.0 < full_scale < math.inf:
         return engineering(value, unit)
     exponent = 0
-    if TAKES_PREFIX.match(unit):
+    if takes_prefix(unit):
         quotient = "/" in unit
         least = _LEAST_OF_QUOTIENT if quotient else _LEAST_FULL_SCALE
         exponent = min(max(math.floor(math.log10(full_scale / least) / 3), -3), 0 if quotient else 3)
@@ -136,7 +136,7 @@ def disk_left(state: RangeState) -> tuple[str, bool]:
     free = state.disk_free_bytes
     text = f"{free / 1e9:.0f} GB" if free >= 1e10 else f"{free / 1e9:.1f} GB"
     rate = state.journal_bytes / state.armed_s if state.armed_s > 5 else 0.0
-    left_s = free / rate if rate > 0 else math.inf
+    left_s = free / rate if rate > 0 else math.inf if free else 0.0
     if left_s < 5 * 86_400:
         text += f", {left_s / 3600:.0f} h" if left_s >= 36_000 else ""
         text += f", {left_s / 3600:.1f} h" if 3600 <= left_s < 36_000 else ""

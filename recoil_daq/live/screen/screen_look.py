@@ -24,6 +24,8 @@ class Look:
         Whether the terminal shows no other characters.
     words
         Whether the warnings of the shots are to be read in words, in place of the channels.
+    brief
+        Whether sources have one line together, so that there is room for something else.
     printed
         Number of the newest notice that is printed above the picture, and is not in it again.
     """
@@ -34,6 +36,7 @@ class Look:
     ascii_only: bool = False
     words: bool = False
     printed: int = 0
+    brief: bool = False
 
     @property
     def narrow(self) -> bool:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from recoil_acquisition.errors import visible
 from recoil_daq.live.range_state import FigureCode, RangeFigure, RangeShot, RangeState
+from recoil_daq.live.screen.large_letters import large
 from recoil_daq.live.screen.screen_cells import folder_text
 from recoil_daq.live.screen.screen_look import Look
 from recoil_daq.live.screen.screen_table import line_of, wrapped
@@ -20,7 +21,10 @@ if TYPE_CHECKING:
 
 COLOURED_S = 180.0
 """Time after its verdict for which a shot's row is in colour, s."""
+LARGE_S = 60.0
+"""Time for which the last verdict is in large letters, s, unless somebody has seen it."""
 _VERDICT_WIDTH, _FIGURE_WIDTH = 25, 9
+_MOST_REASON = 4
 SHOT_STYLES = {
     ShotState.USABLE: "green",
     ShotState.RECORD_ONLY: "bold yellow",
@@ -37,11 +41,22 @@ def shots_in_order(shots: Sequence[RangeShot]) -> list[RangeShot]:
 
 
 def shot_lines(
-    shots: Sequence[RangeShot], head: Sequence[Text], lines: Sequence[Text], rows: int, width: int
+    shots: Sequence[RangeShot], head: Sequence[Text], blocks: Sequence[Sequence[Text]], rows: int, width: int
 ) -> list[Text]:
-    """Return the rows of shots in so many lines; where not all have room, the last counts those that have none."""
+    """Return the rows of shots in so many lines; where not all have room, the last counts those that have none.
+
+    Parameters
+    ----------
+    blocks
+        Lines of each shot: where not all have room, the first of each is shown.
+    """
+    if len(head) + sum(map(len, blocks)) <= rows:
+        return [*head, *(line for block in blocks for line in block)]
+    lines = [block[0] for block in blocks]
     if len(head) + len(lines) <= rows:
         return [*head, *lines]
+    if rows < 2 and len(lines) < 2:
+        return lines[:rows]
     if rows < 2:
         more = line_of(f"  +{len(lines) - 1} more", "dim")
         return [line + more if line.cell_len + more.cell_len <= width else line for line in lines[:rows]]
@@ -74,19 +89,24 @@ def _figure_width(code: FigureCode) -> int:
     return _FIGURE_WIDTH + (code is FigureCode.SPEED)
 
 
-def shot_line(shot: RangeShot, look: Look, shots: Sequence[RangeShot]) -> Text:
-    """Write how far a shot is, what it waits for, or its verdict with its figures and its mass."""
+def shot_block(shot: RangeShot, look: Look, shots: Sequence[RangeShot]) -> list[Text]:
+    """Write how far a shot is, what it waits for, or its verdict, figures and mass; below it what speaks against it."""
     style = SHOT_STYLES.get(shot.state, "cyan")
-    if shot.settled and shot.age_s is not None and shot.age_s > COLOURED_S:
+    if shot.settled and (shot.age_s is None or shot.age_s > COLOURED_S):
         style = ""
     name = visible(shot.name)
+    why = visible(" ".join(shot.why.split()))
     if shot.state is ShotState.USABLE:
-        return _usable_line(shot, name, look, style, shots)
+        return [_judged_line(shot, name, look, style, shots)]
+    if shot.settled and (shot.figures or shot.mass is not None):
+        indent = len(name) + (1 if look.narrow else 2)
+        below = wrapped(f"{' ' * indent}{why}", look.width, indent=indent, most=_MOST_REASON) if why else []
+        return [_judged_line(shot, name, look, style, shots), *below]
     text = line_of(f"{name}{' ' if look.narrow else '  '}").append(
         _state_words(shot, offered=look.has_keys and not look.narrow), style
     )
-    why = f": {visible(' '.join(shot.why.split()))}" if shot.why else ""
-    return text.append(why)
+    text.append(", excluded" if shot.excluded else "", "yellow")
+    return [text.append(f": {why}" if why else "")]
 
 
 def _state_words(shot: RangeShot, *, offered: bool) -> str:
@@ -102,16 +122,20 @@ def _state_words(shot: RangeShot, *, offered: bool) -> str:
     return str(shot.state).upper()
 
 
-def _usable_line(shot: RangeShot, name: str, look: Look, style: str, shots: Sequence[RangeShot]) -> Text:
-    count = 0 if shot.verdict is None else len(shot.verdict.warned)
+def _judged_line(shot: RangeShot, name: str, look: Look, style: str, shots: Sequence[RangeShot]) -> Text:
+    usable = shot.state is ShotState.USABLE
+    count = 0 if shot.verdict is None or not usable else len(shot.verdict.warned)
     plural = "" if count == 1 else "s"
     warnings = (f", {count} warn" if look.narrow else f", {count} warning{plural}") if count else ""
+    if shot.excluded:
+        warnings = ", excluded" if usable and not look.narrow else ", excl."
     of_figures = {figure.code: figure for figure in shot.figures}
+    text = line_of(f"{name} " if look.narrow else f"{name:4}  ")
+    text.append("usable" if usable else str(shot.state).upper(), style)
+    text.append(warnings, "yellow" if shot.excluded or (count and style) else "")
     if look.narrow:
-        text = line_of(f"{name} ").append("usable", style).append(warnings, "yellow" if count and style else "")
         figures = [_figure(one) for code, one in of_figures.items() if code is not FigureCode.SPEED]
         return text.append("".join(f"  {one}" for one in figures)).append_text(_mass(shot, "  ", " kg", short=True))
-    text = line_of(f"{name:4}  ").append("usable", style).append(warnings, "yellow" if count and style else "")
     text.align("left", _VERDICT_WIDTH)
     for code in _codes(shots):
         text.append(f"{_figure(of_figures[code]) if code in of_figures else '-':>{_figure_width(code)}}")
@@ -134,6 +158,29 @@ def _mass(shot: RangeShot, before: str, unit: str, *, short: bool) -> Text:
     if not shot.mass["valid"]:
         return text.append(" NOT VALID", "bold red")
     return text.append((" prov." if short else " provisional") if shot.provisional else "", "yellow")
+
+
+def newest_verdict(state: RangeState) -> RangeShot | None:
+    """Return the shot whose verdict is to be seen from afar; None where there is none, or it was seen."""
+    judged = [shot for shot in state.shots if shot.state in SHOT_STYLES and shot.age_s is not None and not shot.seen]
+    fresh = [shot for shot in judged if shot.age_s is not None and shot.age_s < LARGE_S]
+    return min(fresh, key=lambda shot: shot.age_s or 0.0) if fresh and state.state != "recording" else None
+
+
+def verdict_lines(shot: RangeShot, look: Look) -> list[Text]:
+    """Write a verdict in large letters, with its mass, and what speaks against it below."""
+    style = SHOT_STYLES.get(shot.state, "bold")
+    lines = [line_of(f" {row}", style) for row in large(str(shot.state), look.width - 1)]
+    name = visible(shot.name)
+    counted = "" if shot.verdict is None else f"{shot.verdict.without}{shot.verdict.counted}"
+    head = line_of(f" shot {name}").append("" if lines else f": {str(shot.state).upper()}", style).append(counted)
+    lines.append(head.append_text(_mass(shot, ", ", " kg", short=look.narrow)))
+    against = shot.why if shot.state is not ShotState.USABLE else ""
+    if not against and shot.mass is not None and not shot.mass["valid"]:
+        against = str(shot.mass["reason"])
+    return lines + (
+        wrapped(f" {' '.join(against.split())}", look.width, indent=1, most=_MOST_REASON) if against else []
+    )
 
 
 def words_of(state: RangeState, look: Look, room: int) -> list[Text]:

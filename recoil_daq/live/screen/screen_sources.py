@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -30,10 +30,13 @@ _SOURCE_COLUMNS = (
     Column("last data", right=True, least=9),
 )  # fmt: skip
 
+_SHORT: Mapping[str, str] = {"not understood": "NONE GOOD"}
+"""States whose own words are wider than their column."""
+
 
 def source_lines(state: RangeState, look: Look) -> list[Text]:
     """Return a row for each source, or all in one line where there is little room."""
-    if look.narrow:
+    if look.narrow or look.brief:
         return _collapsed(state, look)
     rows, ends = [], []
     for source in state.sources:
@@ -69,7 +72,7 @@ def _collapsed(state: RangeState, look: Look) -> list[Text]:
                 text += f", {size_text(sum(size for _, size in source.growing))}"
             parts.append((text, "cyan" if source.awaited else ""))
         elif source.live is not None and source.name not in well:
-            parts.append((f"{name} {source.state.upper()} {age_text(source.live)}", "bold red"))
+            parts.append((f"{name} {_bad(source)} {age_text(source.live)}", "bold red"))
     files = [source for source in state.sources if source.live is None]
     idle = [visible(source.name) for source in files if not source.awaited and not source.growing]
     if idle:
@@ -110,7 +113,12 @@ def _state_cell(state: RangeState, source: RangeSource) -> Text:
         return line_of(source.state, "bold cyan" if source.awaited else "")
     if state.state == "stopped" and not source.live.error:
         return line_of(source.state)
-    return line_of(source.state.upper(), "bold red")
+    return line_of(_bad(source), "bold red")
+
+
+def _bad(source: RangeSource) -> str:
+    """Return the word for a state that is not well."""
+    return _SHORT.get(source.state, source.state.upper())
 
 
 def _growing(source: RangeSource) -> list[str]:

@@ -6,14 +6,14 @@ shot without a mass stays what it is, and `recoil-daq identify` takes its file l
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import RecoilDaqError, WorkerError, quoted
 from recoil_daq.live.display import Display
-from recoil_daq.live.shot import LiveShot
+from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_processing.shot.thinned import THINNED_ABOVE_HZ
 from recoil_rigs.tables.specification import mass_decimals
@@ -81,6 +81,13 @@ class MassWork:
         rates_hz = [one.get("rate_hz") or 0.0 for one in shot.document.get("channels", ())]
         self._ask(shot, thin=max(rates_hz, default=0.0) > THINNED_ABOVE_HZ)
 
+    def know(self, shots: Sequence[LiveShot]) -> None:
+        """Take shots of before, which have their mass: usable ones count in what the shots say together."""
+        known = {shot.name: shot for shot in shots if shot.state is ShotState.USABLE and shot.mass is not None}
+        self._identified = {**known, **self._identified}
+        if len(self._identified) > 1:
+            self.combine()
+
     def forget(self, shot: LiveShot) -> None:
         """Take back what is known of a shot's mass, and what is not begun."""
         shot.mass = None
@@ -114,6 +121,8 @@ class MassWork:
                 self._display.notice(f"shot {name} has no mass: its worker ended again and again; {by_hand}")
             except Exception as error:  # whatever it is, it ends this mass and not the session
                 known = isinstance(error, RecoilDaqError)
+                if known and asked.shot.state is not ShotState.USABLE:
+                    continue  # its verdict says why
                 self._display.notice(
                     f"shot {name} has no mass: {error if known else f'{type(error).__name__}: {error}'}"
                 )
@@ -125,6 +134,9 @@ class MassWork:
         """Take a mass; one of thinned channels is followed by that of the full rate."""
         shot, before = asked.shot, asked.shot.mass
         shot.mass = {**mass, "provisional": list(provisional(mass, shot.previews))}
+        if shot.state is not ShotState.USABLE:  # for comparison: its verdict was said
+            shot.mass = {**shot.mass, "valid": False, "reason": mass["reason"] or shot.why}
+            return
         if before is None or before["thinned_hz"] is None:
             self._display.notice(mass_line(shot.name, shot.mass))
         else:
@@ -133,10 +145,12 @@ class MassWork:
             self._ask(shot, thin=False, after=True)
             return
         self._identified[shot.name] = shot
-        self._combine()
+        self.combine()
 
-    def _combine(self) -> None:
-        """Ask what the shots say together; what was asked before this shot is not waited for."""
+    def combine(self) -> None:
+        """Ask what the shots say together; what was asked before is not waited for."""
+        if not self._identified:
+            return
         if self._combining is not None:
             self._worker.drop(self._combining)
         task = self._out, tuple(self._identified)

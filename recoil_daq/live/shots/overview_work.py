@@ -26,11 +26,13 @@ class OverviewWork:
     out
         Folder of the shot files; what is missing of its earlier shots is written when nothing else is to be done.
     shots
-        Shots of the session, as it stands, with those of before that it shows.
+        Shots of the session, as it stands.
     """
 
     def __init__(self, worker: WarmWorker, out: Path, display: Display, shots: Sequence[LiveShot] = ()) -> None:
         self._worker, self._display, self._shots = worker, display, shots
+        self._earlier: Sequence[LiveShot] = ()
+        self._digests: dict[str, str] = {}
         self._asked: dict[LiveShot | None, WarmWork] = {}
         self._asked[None] = worker.ask(_EARLIER, out, rank=EARLIER, puts_off=True)
 
@@ -60,12 +62,18 @@ class OverviewWork:
             if shot is not None:
                 shot.overview = found
                 continue
-            problems, digests = found
+            problems, self._digests = found
             for problem in problems:
                 self._display.notice(problem)
-            for one in self._shots:
+            for one in (*self._shots, *self._earlier):
                 if one.document is not None and one not in self._asked:
-                    one.overview = digests.get(one.name, one.overview)
+                    one.overview = self._digests.get(one.name, one.overview)
+
+    def know(self, shots: Sequence[LiveShot]) -> None:
+        """Take shots of before, which have their overviews already, or soon."""
+        self._earlier = shots
+        for one in shots:
+            one.overview = self._digests.get(one.name, one.overview)
 
     @property
     def pending(self) -> bool:

@@ -15,6 +15,7 @@ from recoil_acquisition.errors import FileEnd, RecoilDaqError, quoted
 from recoil_acquisition.trigger import ShotWindow
 from recoil_daq.live.added_mass import BARE, AddedMass
 from recoil_daq.live.display import Display
+from recoil_daq.live.log_words import EXCLUDE, LogWords
 from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState, capture_path
 from recoil_daq.live.shots.conversion import Conversion, rig_changed
 from recoil_daq.live.shots.dropped_files import DroppedFiles
@@ -54,6 +55,8 @@ class ShotWork:
         Sources that are read live, and whose own files replace the preview.
     converted
         Function called with each shot that has its shot file, after its verdict.
+    excluded
+        Function called with each shot that somebody at the keys excluded, or took back.
     worker
         Worker that converts; a process a shot where there is none.
     journal_keeps
@@ -77,10 +80,12 @@ class ShotWork:
         previewed: frozenset[str] = frozenset(),
         converted: Callable[[LiveShot], None] = lambda _: None,
         worker: WarmWorker | None = None,
+        excluded: Callable[[LiveShot], None] = lambda _: None,
     ) -> None:
         self._rig, self._options, self._display = rig, options, display
         self._shots, self._files, self._wanted = shots, files, wanted
         self._journal_keeps, self._previewed, self._converted = journal_keeps, previewed, converted
+        self._excluded = excluded
         self.added_mass = options.added_mass
         self._in_turn = BARE
         self._next = options.first or 1
@@ -92,6 +97,7 @@ class ShotWork:
         # apart: a shot log that others hold for a while keeps no shot from being cut
         self._notes = ThreadPoolExecutor(1, thread_name_prefix="added mass")
         self._noting: dict[str, Future[str]] = {}
+        self._writing: list[tuple[LogWords, Future[str]]] = []
         self._rig_changed = False
 
     @property
@@ -117,6 +123,20 @@ class ShotWork:
             self._noting[name] = self._notes.submit(self.added_mass.note, self._options.out, name)
         self._turn(name)
         self._begin_cut(session, name, window)
+
+    @property
+    def last(self) -> LiveShot | None:
+        """The shot that was fired last; None before the first."""
+        return max(self._shots, key=lambda shot: shot.window.trigger_s if shot.window else 0.0, default=None)
+
+    def see(self) -> None:
+        """Note that somebody has seen the verdicts so far."""
+        for shot in self._shots:
+            shot.seen = shot.judged_s is not None
+
+    def write(self, words: LogWords) -> None:
+        """Write words into the shot log, behind what is being written into it."""
+        self._writing.append((words, self._notes.submit(words.write, self._options.out)))
 
     @property
     def in_turn(self) -> AddedMass | None:
@@ -208,6 +228,22 @@ class ShotWork:
                 fault = f"the added mass of shot {name} is not in the shot log: {type(error).__name__}: {error}"
             if fault:
                 self._display.notice(fault)
+        for words, future in tuple(self._writing):
+            if future.done():
+                self._writing.remove((words, future))
+                self._written(words, future)
+
+    def _written(self, words: LogWords, future: Future[str]) -> None:
+        """Say what came of words for the shot log; who is excluded counts no more in what the shots say together."""
+        try:
+            fault = future.result()
+        except Exception as error:  # whatever it is, it costs these words and not the shot
+            fault = f"{words} is NOT in the shot log: {type(error).__name__}: {error}"
+        self._display.notice(fault or str(words))
+        for shot in self._shots if words.column == EXCLUDE and not fault else ():
+            if shot.name == words.shot:
+                shot.excluded = words.text
+                self._excluded(shot)
 
     def _captured(self, shot: LiveShot, captured: CapturedShot) -> None:
         acquisition = captured.acquisition
@@ -274,13 +310,18 @@ class ShotWork:
             return
         before, shot.document = shot.document, document
         shot.state, shot.judged_s = ShotState(VerdictLine.of(document).state.value), time.monotonic()
+        shot.seen = False
         if shot.growing or shot.redo:
             shot.state = ShotState.NOT_WHOLE
             shot.problem = shot.redo or f"{min(shot.growing)} grew after it was taken"
         elif doubtful := doubt_of_files(shot, self._shots):
             shot.problem = f"perhaps the file of another shot: {doubtful}"
             self._display.notice(f"shot {shot.name}: {shot.problem}")
-        for text in () if before is None or not shot.previewed - shot.previews else differences(before, document):
+        for text in (
+            ()
+            if before is None or not shot.previewed - shot.previews
+            else differences(before, document, self._rig.read_in)
+        ):
             self._display.notice(f"shot {shot.name}: the file says otherwise than the preview: {text}")
         if shot.window is not None:
             session.release(shot.window)
@@ -305,7 +346,7 @@ class ShotWork:
             shot.state = ShotState.NOT_WHOLE
             self._display.notice(f"shot {shot.name} stays NOT WHOLE: {shot.problem}")
             return
-        shot.state = ShotState.INCOMPLETE
+        shot.state, shot.judged_s = ShotState.INCOMPLETE, time.monotonic()
         if shot.missing:
             shot.problem = f"no file of {', '.join(shot.missing)}"
         elif not shot.growing:
@@ -320,7 +361,7 @@ class ShotWork:
 
     def fail(self, shot: LiveShot, problem: str) -> None:
         """End a shot, and say why and where its data is."""
-        shot.state, shot.problem = ShotState.FAILED, problem
+        shot.state, shot.problem, shot.judged_s = ShotState.FAILED, problem, time.monotonic()
         self._display.notice(f"shot {shot.name}: {problem}; {self._kept(shot)}")
 
     def _kept(self, shot: LiveShot) -> str:
@@ -333,8 +374,10 @@ class ShotWork:
         """Cut no more, give up every shot that is not complete, and wait for what is still to be in the shot log."""
         self._pool.shutdown(wait=False, cancel_futures=True)
         self.leave_the_rest()
-        if waiting := wait(self._noting.values(), NOTED_WITHIN_S).not_done:
-            late = ", ".join(name for name, future in self._noting.items() if future in waiting)
-            self._display.notice(f"the shot log is in use: it is waited for, for the added mass of {late}")
+        writing = [*self._noting.values(), *(future for _, future in self._writing)]
+        if waiting := wait(writing, NOTED_WITHIN_S).not_done:
+            late = [f"the added mass of {name}" for name, future in self._noting.items() if future in waiting]
+            late += [str(words) for words, future in self._writing if future in waiting]
+            self._display.notice(f"the shot log is in use: it is waited for, for {', '.join(late)}")
         self._notes.shutdown()
         self._take_notes()

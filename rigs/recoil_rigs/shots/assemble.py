@@ -14,6 +14,7 @@ from recoil_acquisition.channel import MASK_OVERLOADS, Channel, Step
 from recoil_acquisition.errors import ErrorCode, Fault, FaultCode, ReadError, RigError, Row
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.quantities.quantity import SI_UNITS, UNITS, Unit, find_unit
+from recoil_acquisition.quantities.unit_choice import SI, UnitChoice
 from recoil_acquisition.readers.own_rows import own_rows
 from recoil_acquisition.readers.recording import Recording, SignalHeader
 from recoil_rigs.rig import ChannelSpec, Rig, Source
@@ -221,8 +222,10 @@ def si_line(spec: ChannelSpec, unit: Unit) -> tuple[float, float]:
     return spec.polarity * sensor.gain * unit.factor * factor, spec.polarity * offset
 
 
-def shown_unit(spec: ChannelSpec, stated: str = "", unit: Unit | None = None) -> tuple[str, Unit]:
-    """Return the unit in which people read a channel, and its spelling: its own, else the file's, else SI.
+def shown_unit(
+    spec: ChannelSpec, stated: str = "", unit: Unit | None = None, chosen: UnitChoice = SI
+) -> tuple[str, Unit]:
+    """Return the unit in which people read a channel, and its spelling: that chosen, its own, the file's, or SI.
 
     Parameters
     ----------
@@ -230,7 +233,11 @@ def shown_unit(spec: ChannelSpec, stated: str = "", unit: Unit | None = None) ->
         Unit as the file has it; empty if it states none, or there is no file.
     unit
         Unit of the file's numbers, see `unit_of`.
+    chosen
+        Units that the rig chose to be read.
     """
+    if (name := chosen.by_quantity.get(spec.quantity)) and (wanted := find_unit(name)) is not None:
+        return name, wanted
     if spec.own_unit is not None:
         return str(spec.own_unit_name), spec.own_unit
     if unit is not None and spec.quantity in unit.quantities and stated.strip() and find_unit(stated.strip()) == unit:

@@ -110,7 +110,7 @@ def _live_channel(
     if unit is None:
         return None
     factor, offset = si_line(spec, unit)
-    shown_in, shown = shown_unit(spec, header.unit, unit)
+    shown_in, shown = shown_unit(spec, header.unit, unit, rig.read_in)
     return LiveChannel(
         name=spec.name,
         signal=spec.signal,

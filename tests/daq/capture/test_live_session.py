@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import queue
+import shutil
 import sys
 import time
 from collections.abc import Callable
@@ -16,7 +17,7 @@ import pytest
 
 import recoil_acquisition.capture.live_session
 from recoil_acquisition.capture.engine import CaptureEngine
-from recoil_acquisition.capture.live_session import LiveSession
+from recoil_acquisition.capture.live_session import LiveSession, _free_bytes
 from recoil_acquisition.capture.live_source import LiveSamples
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, operator_records
 from recoil_acquisition.devices.device import Block, Counters, event_of
@@ -318,3 +319,18 @@ def test_a_driver_that_hangs_ends_nothing_but_its_own_source(
     assert isinstance(session.error, DeviceError)
     assert "source 'bus': its device hangs, and is not closed within 0.1 s; unplug it" in str(session.error)
     assert len(list(open_log(tmp_path / "journal").records(0))) > 3
+
+
+def test_the_room_on_the_disk_is_known_when_the_journal_is_gone(tmp_path: Path) -> None:
+    assert _free_bytes(tmp_path / "journal" / "gone") == pytest.approx(shutil.disk_usage(tmp_path).free, rel=0.05)
+
+
+def test_what_the_journal_has_reserved_is_no_room_for_shots(
+    tmp_path: Path, device: PlayedBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = started(tmp_path, device)
+    full = shutil.disk_usage(tmp_path)._replace(free=0)
+    with monkeypatch.context() as disk:
+        disk.setattr(shutil, "disk_usage", lambda _: full)
+        assert session.status.disk_free_bytes == 0
+    session.close(complete=False)

@@ -6,10 +6,12 @@ import os
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from serial.tools.list_ports_common import ListPortInfo
 
 from recoil_acquisition.devices import serial_device
 from recoil_acquisition.devices.device import SERIAL, Block, event_of
@@ -227,18 +229,51 @@ def test_requests_keep_their_pace_and_wait_for_answers() -> None:
     assert late.request(10.05) is None  # what was missed is not caught up
 
 
+def plugged(device: str, serial_number: str | None, location: str | None = None) -> ListPortInfo:
+    """Return a USB port as the system lists it."""
+    info = ListPortInfo(device, skip_link_detection=True)
+    info.vid, info.pid, info.serial_number, info.location = 0x0403, 0x6001, serial_number, location
+    return info
+
+
+def test_of_two_adapters_that_are_alike_none_is_taken_until_somebody_says_which(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from serial.tools import list_ports
+
+    ports = [plugged("/dev/ttyUSB3", None, "1-1.2"), plugged("/dev/ttyUSB4", None, "1-1.3")]
+    monkeypatch.setattr(list_ports, "comports", lambda: ports)
+    device = SerialDevice("imu", {"port": "usb:0403:6001", "baudrate": 115200})
+    with pytest.raises(DeviceError, match="source 'imu': 2 USB devices 0403:6001 are plugged in") as refused:
+        device.open()
+    assert "/dev/ttyUSB4 (no serial number, at 1-1.3)" in str(refused.value)
+    assert "/dev/serial/by-path" in str(refused.value)
+    del ports[0]
+    assert find(identity_of("usb:0403:6001")) == "/dev/ttyUSB4"
+
+
+def test_adapters_without_serial_numbers_that_come_back_under_each_others_names_are_not_exchanged(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from serial.tools import list_ports
+
+    first, second = (str(tmp_path / name) for name in ("ttyUSB0", "ttyUSB1"))
+    ports = [plugged(first, None, "1-1.2"), plugged(second, None, "1-1.3")]
+    monkeypatch.setattr(list_ports, "comports", lambda: ports)
+    known = learn(identity_of(first))
+    ports[:] = [plugged(first, None, "1-1.3"), plugged(second, None, "1-1.2")]
+    Path(first).touch()
+    assert find(known) == second
+    Path(first).unlink()
+    ports[:] = [plugged("/dev/ttyUSB7", None, "1-1.7")]  # plugged in elsewhere, and the only one
+    assert find(known) == "/dev/ttyUSB7"
+
+
 def test_a_port_is_named_by_its_path_or_its_usb_identifiers(monkeypatch: pytest.MonkeyPatch) -> None:
     from serial.tools import list_ports
-    from serial.tools.list_ports_common import ListPortInfo
-
-    def plugged(device: str, serial_number: str) -> ListPortInfo:
-        info = ListPortInfo(device, skip_link_detection=True)
-        info.vid, info.pid, info.serial_number = 0x0403, 0x6001, serial_number
-        return info
 
     monkeypatch.setattr(list_ports, "comports", lambda: [plugged("/dev/ttyUSB3", "A1"), plugged("/dev/ttyUSB4", "B2")])
     assert find(identity_of("usb:0403:6001:B2")) == "/dev/ttyUSB4"
-    assert find(identity_of("usb:0403:6001")) == "/dev/ttyUSB3"
     assert identity_of("/dev/ttyUSB0") == PortIdentity("/dev/ttyUSB0")
     known = learn(identity_of("/dev/ttyUSB4"))
     assert known == PortIdentity("/dev/ttyUSB4", 0x0403, 0x6001, "B2")

@@ -292,7 +292,7 @@ def test_a_disk_without_room_is_refused_when_arming_and_nothing_is_left(tmp_path
 
 
 @pytest.mark.parametrize("spare", [None, "spare"])
-@pytest.mark.parametrize("call", ["_write_all", "_sync_data"])
+@pytest.mark.parametrize("call", ["_write_all", "sync_data"])
 def test_a_disk_that_does_not_take_the_first_records_is_refused_and_nothing_is_left(call, spare, tmp_path, monkeypatch):
     monkeypatch.setattr(f"recoil_acquisition.log.segment.{call}", fail_with(errno.EIO))
     with pytest.raises(StoreError, match="Input/output error"):

@@ -87,7 +87,7 @@ class Watched:
     def noticed(self) -> tuple[Notice, ...]:
         return ()
 
-    def key(self) -> str:
+    def key(self, *, typed: bool = False) -> str:  # noqa: ARG002 - a display has it
         return self._pressed.pop(0) if self._pressed else ""
 
 

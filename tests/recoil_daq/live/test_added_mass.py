@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
-from recoil_daq.live.added_mass import AddedMass, AddedMassEntry, weight_of
+from recoil_daq.live.added_mass import AddedMass, mass_entry, weight_of
 from recoil_daq.live.shots import shot_work
 from recoil_rigs.rig import load_rig
 from tests.builders.range_session import Range, Told
@@ -32,7 +32,7 @@ def test_what_is_no_mass_is_refused(text: str) -> None:
 
 
 def test_a_key_that_is_no_part_of_a_mass_is_not_taken_and_one_may_be_taken_back() -> None:
-    entry = AddedMassEntry()
+    entry = mass_entry()
     assert not any(entry.press(key) for key in ["1", "q", "", "2", "\x7f", "5"])
     assert entry.typed == "15"
     assert entry.press("\n")

@@ -12,6 +12,7 @@ from recoil_acquisition.capture.live_source import LiveChannel, signals_of
 from recoil_acquisition.devices.device import Counters
 from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.errors import DeviceError
+from recoil_acquisition.quantities.quantity import find_unit
 from recoil_daq.live.device_check import _judge, check_devices
 from recoil_rigs.rig import load_rig, parse_rig
 from tests.builders.live_sources import bus, port
@@ -82,6 +83,12 @@ def test_each_finding_says_what_to_do(values, verdict, says) -> None:
     found = _judge(CHANNEL, values, True, counters, unheard)
     assert found[0] == verdict
     assert says in found[1]
+
+
+def test_a_finding_is_in_the_unit_in_which_people_read_the_channel() -> None:
+    gauge = LiveChannel("p", "p", 1.0, 0.0, "Pa", (0.0, 250e5), shown_in="bar", shown_unit=find_unit("bar"))
+    assert "always -0.01 bar" in _judge(gauge, np.full(100, -1000.0), True, Counters(), "")[1]
+    assert "rests at 400 bar, outside of its range" in _judge(gauge, 400e5 + NOISE, True, Counters(), "")[1]
 
 
 def test_a_bus_without_the_message_and_losses_are_said() -> None:

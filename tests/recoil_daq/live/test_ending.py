@@ -255,7 +255,7 @@ def test_at_a_terminal_the_screen_stays_until_somebody_has_seen_that_the_folder_
     one = Range(monkeypatch, load_rig("mixed"), out, display)
     display.then["hello"] = lambda: shutil.rmtree(out)
     pressed = iter(["", "", "", "q"])
-    monkeypatch.setattr(display, "key", lambda: next(pressed) if one.session.stopped else "")
+    monkeypatch.setattr(display, "key", lambda **_: next(pressed) if one.session.stopped else "")
     one.run(lambda: display.notice("hello"))
     assert next(pressed, None) is None
     assert display.alerts[-1] == "OUTPUT FOLDER GONE"
@@ -279,7 +279,8 @@ def test_a_device_that_is_lost_stands_in_the_header_and_in_the_log_with_what_is_
 
     monkeypatch.setattr(display, "show", show)
     one.run()
-    assert shown[:3] == ["", "imu LOST", "imu LOST"]
+    lost = "imu LOST: it is opened as soon as it is back"
+    assert shown[:3] == ["", lost, lost]
     assert shown[-1] == ""
     assert display.told("imu LOST at 01:46:50.250Z: /dev/ttyUSB0")
     assert display.told("imu is back at 01:46:53.250Z: 3.00 s are missing, about 102000 bytes at its rate before")

@@ -19,6 +19,7 @@ from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.store import read_shot
 from recoil_daq.live import acquisition
 from recoil_daq.live.added_mass import AddedMass
+from recoil_daq.live.range_state import RangeState
 from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState
 from recoil_daq.recording.ingest import ingest_files
 from recoil_rigs.rig import load_rig, parse_rig
@@ -197,7 +198,9 @@ def test_a_shot_whose_file_never_settles_stays_not_whole_in_the_log(tmp_path: Pa
 
     pressed = display.key
 
-    def grows() -> str:  # keys are asked for before each look at the folder: however late that is, the file has grown
+    def grows(
+        **_: bool,
+    ) -> str:  # keys are asked for before each look at the folder: however late that is, the file has grown
         if display.verdicts:
             text.append("x")
             drop(tmp_path / "in", FILES[0], text="".join(text))()
@@ -385,7 +388,7 @@ def test_a_file_that_goes_on_growing_fails_its_shot_in_time_and_is_converted_whe
     display.then["0001 captured"] = drop(tmp_path / "in", FILES[0])
     text, pressed = ["x"], display.key
 
-    def grows() -> str:
+    def grows(**_: bool) -> str:
         if display.told("is of shot 0001") and not display.told("still grows"):
             text.append("x")
             drop(tmp_path / "in", FILES[0], text="".join(text))()
@@ -489,8 +492,9 @@ def test_a_shot_of_a_crashed_session_is_taken_up_as_the_rig_alone_that_it_was_fi
     text = LEFT_RIG.text.replace("u_rel = 0.005", "u_rel = 0.006") if edited else LEFT_RIG.text
     assert edited == (text != LEFT_RIG.text)
     rig, display = parse_rig(text, LEFT_RIG.path, LEFT_RIG.databases), Told()
-    left = acquisition._recover(rig, LiveOptions(out=tmp_path, watch=tmp_path / "in"), display)
+    left, recovered = acquisition._recover(rig, LiveOptions(out=tmp_path, watch=tmp_path / "in"), display)
     assert [shot.name for shot in left] == ([] if edited else ["0001"])
+    assert recovered == ["shot 0001"]
     said = "still waiting for files: 0001; this rig is not the one as which they were fired, so that they are finished"
     assert bool(display.told(said)) == edited
 
@@ -525,6 +529,13 @@ def test_a_shot_that_cannot_be_cut_on_a_full_disk_is_cut_when_there_is_room(
         return cut(name, window, path)
 
     monkeypatch.setattr(one.session, "cut", refuse)
+    show, judged = display.show, set[tuple[str, bool]]()
+
+    def noted(state: RangeState) -> None:
+        judged.update((shot.state, shot.age_s is not None) for shot in state.shots)
+        show(state)
+
+    monkeypatch.setattr(display, "show", noted)
     display.then["No space left"] = drop(tmp_path / "in", *FILES)  # which are its own all the same
     display.quits = lambda: bool(one.live._shots) and one.live._shots[0].state == "usable"
     one.session.fired(one.clock.monotonic() - 1.0)
@@ -532,6 +543,7 @@ def test_a_shot_that_cannot_be_cut_on_a_full_disk_is_cut_when_there_is_room(
     assert len(display.told("No space left on device; make room; it is tried again every 10 s; the journal keeps")) == 1
     assert [(s.state, s.problem) for s in outcome.shots] == [("usable", "")]
     assert ("failed",) in display.states
+    assert ("failed", True) in judged
     assert PlayedConversion.started == [("0001", sorted(["0001.rdlog", *FILES]), "")]
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import importlib
 import signal
 import threading
+import time
+from typing import Any
 
 import pytest
 
+from recoil_daq.live import interruption as module
 from recoil_daq.live.interruption import Interruption, as_ctrl_c
 
 
@@ -118,3 +122,47 @@ def test_a_session_that_was_started_with_nohup_outlives_its_terminal() -> None:
             assert not interruption.asked
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+class Console:
+    """Console of Windows, as its library answers."""
+
+    def __init__(self) -> None:
+        self.handlers: list[Any] = []
+
+    def SetConsoleCtrlHandler(self, handler: Any, add: int) -> int:
+        self.handlers.append(handler) if add else self.handlers.remove(handler)
+        return 1
+
+
+def test_a_console_that_is_closed_asks_once_and_waits_for_the_session_to_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    console = Console()
+    monkeypatch.setattr(module, "_kernel32", lambda: console)
+    with Interruption() as interruption:
+        (handler,) = console.handlers
+        assert handler(0) == 0  # Ctrl-C is a signal
+        assert not interruption.asked
+        answered = threading.Thread(target=handler, args=(2,))
+        answered.start()
+        until_s = time.monotonic() + 5.0
+        while not interruption.asked and time.monotonic() < until_s:
+            time.sleep(0.01)
+        assert (interruption.count, interruption.by_key) == (1, False)
+        answered.join(0.05)
+        assert answered.is_alive()  # Windows would end the process as soon as it is answered
+    answered.join(5.0)
+    assert not answered.is_alive()
+    assert not console.handlers
+
+
+def test_ctrl_break_asks_as_ctrl_c_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    number = signal.SIGUSR1 if hasattr(signal, "SIGUSR1") else signal.SIGBREAK  # type: ignore[attr-defined,unused-ignore]
+    monkeypatch.setattr(signal, "SIGBREAK", number, raising=False)
+    again = importlib.reload(module)
+    try:
+        with again.Interruption() as interruption:
+            signal.raise_signal(number)
+            assert (interruption.count, interruption.by_key) == (1, True)
+    finally:
+        monkeypatch.undo()
+        importlib.reload(module)

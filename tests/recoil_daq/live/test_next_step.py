@@ -83,7 +83,7 @@ def test_other_programs_read_it_in_the_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("age_s", "without_sample_s", "state"),
-    [(0.01, 1.9, "live"), (0.01, 2.1, "not understood"), (1.2, 9.0, "silent"), (None, 9.0, "silent")],
+    [(0.01, 0.7, "live"), (0.01, 0.9, "not understood"), (1.2, 9.0, "silent"), (None, 9.0, "silent")],
 )
 def test_bytes_of_which_none_is_good_are_a_state_of_their_own(age_s, without_sample_s: float, state: str) -> None:
     assert source_state(replace(CAN, age_s=age_s), lost=False, without_sample_s=without_sample_s) == state

@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 
 from recoil_acquisition.clocks.host_clock import anchor
+from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
 from recoil_acquisition.trigger import Decision
 from recoil_acquisition.trigger.decision import Suppression
-from recoil_daq.live import range_keys
+from recoil_daq.live import range_keys, range_states
 from recoil_daq.live.range_state import RangeState
 from recoil_rigs.rig import load_rig
 from tests.builders.live_status import CAN, IMU, status
@@ -132,16 +133,19 @@ def test_overdue_calibrations_are_named(tmp_path: Path, monkeypatch: pytest.Monk
     assert f"{first.name} (was due 2020-01-01)" in shown.states[0].cautions[0]
 
 
-def test_a_silent_source_that_the_trigger_looks_at_is_an_alert_while_armed(
+def test_every_silent_source_on_which_a_role_hangs_is_an_alert_armed_or_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     silent = replace(CAN, age_s=3.0)
+    monkeypatch.setattr(range_states, "is_virtual_rig", lambda _: False)
     monkeypatch.setattr(PlayedSession, "status", property(lambda s: status(
         state="armed" if s.armed else "disarmed", sources=(silent, replace(IMU, age_s=None)),
     )))  # fmt: skip
     one, shown = stepped(tmp_path, monkeypatch, lambda: None, "d", lambda: None, "q")
     one.run()
-    assert list(dict.fromkeys(state.alert for state in shown.states)) == ["can SILENT: the trigger looks at it", ""]
+    assert {state.alert for state in shown.states} == {
+        "can SILENT: the trigger looks at it, imu SILENT: check its supply and its cable"
+    }
 
 
 def test_a_clock_that_was_set_since_it_was_armed_is_a_caution(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -163,3 +167,133 @@ def test_a_state_that_other_programs_cannot_be_given_is_said_once(
     assert one.display.told("live.json cannot be written, what it says is old: ") == [
         f"{tmp_path}/live.json cannot be written, what it says is old: Is a directory"
     ]
+
+
+def logged(folder: Path, shot: str) -> tuple[str, str]:
+    row = ShotLog.read(folder / SHOT_LOG, [shot]).row(shot)
+    assert row is not None
+    return row.exclude, row.notes
+
+
+def typing(display: Told, words: str, keys: str) -> None:
+    """Have keys pressed as soon as something is told."""
+    display.then[words] = lambda: display._pressed.extend(keys)
+
+
+def test_a_note_and_a_reason_to_leave_a_shot_out_end_in_its_row_of_the_shot_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    display = Told(has_keys=True)
+    typing(display, "0001 captured", "lWind, 5 m/s\n")
+    typing(display, "note on shot 0001: Wind", "lq and t\n")
+    typing(display, "note on shot 0001: q and t", "xmis\x7f\x7f\x7fhang fire\n")
+    typing(display, "shot 0001 excluded: hang fire", "qy")
+    one = Range(monkeypatch, load_rig("mixed"), tmp_path, display)
+    one.session.fired(1.0)
+    outcome = one.run()
+    assert logged(tmp_path, "0001") == ("hang fire", "Wind, 5 m/s; q and t")
+    assert outcome.shots[0].excluded == "hang fire"
+
+
+def test_a_reason_is_taken_back_by_a_dash_and_nothing_is_written_for_an_empty_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    display = Told(has_keys=True)
+    typing(display, "0001 captured", "l\nx\nxmisfire\n")
+    typing(display, "shot 0001 excluded: misfire", "x-\n")
+    typing(display, "shot 0001 not excluded any more", "qy")
+    one = Range(monkeypatch, load_rig("mixed"), tmp_path, display)
+    asked: list[str] = []
+    show = display.show
+    monkeypatch.setattr(display, "show", lambda state: (asked.append(state.asked), show(state)))
+    one.session.fired(1.0)
+    outcome = one.run()
+    assert logged(tmp_path, "0001") == ("", "")
+    assert outcome.shots[0].excluded == ""
+    assert any("why (now: misfire; - takes it back)" in text for text in asked)
+
+
+def test_words_that_cannot_be_written_are_said_and_so_is_that_there_is_no_shot_yet(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / SHOT_LOG).mkdir()
+    display = Told(has_keys=True)
+    typing(display, "0001 captured", "xmisfire\n")
+    typing(display, "excluded: misfire is NOT in the shot log", "qy")
+    one = Range(monkeypatch, load_rig("mixed"), tmp_path, display)
+    typing(display, "no shot yet", "")
+    display._pressed.extend("x")
+    display.then["no shot yet"] = lambda: one.session.fired(1.0)
+    outcome = one.run()
+    assert outcome.shots[0].excluded == ""
+
+
+def test_the_last_shot_is_the_one_that_was_fired_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    display = Told(has_keys=True)
+    typing(display, "0002 captured", "xmisfire\n")
+    typing(display, "shot 0002 excluded: misfire", "qy")
+    one = Range(monkeypatch, load_rig("mixed"), tmp_path, display)
+    one.session.fired(1.0, 2.0)
+    assert [shot.excluded for shot in one.run().shots] == ["", "misfire"]
+
+
+def test_a_key_says_seen_of_an_alarm_and_leaves_it_disarmed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one, shown = stepped(tmp_path, monkeypatch, "d", crossed(), lambda: None, " ", lambda: None, "q")
+    one.run()
+    assert any(state.alert.startswith("ALARM: ") for state in shown.states)
+    assert shown.states[-1].alert == ""
+    assert {state.state for state in shown.states[3:]} == {"disarmed"}
+
+
+def test_it_is_armed_before_anybody_says_what_was_added_and_the_keys_work_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    display = Told(has_keys=True)
+    one = Range(monkeypatch, load_rig("mixed"), tmp_path, display, asks_mass=True)
+    shown = Steps(one, "d", "a", "1", "2", ".", "5", "\n", lambda: None, "q", "y")
+    monkeypatch.setattr(display, "show", shown)
+    one.run()
+    assert (shown.states[0].state, shown.asked[0]) == (
+        "armed", "added mass of the next shots, kg, and u; Enter: not now"
+    )  # fmt: skip
+    assert display.told("disarmed: nothing will trigger")
+    assert display.told("added mass of the shots to come: 12.5 kg, taken as exact")
+    assert shown.states[-1].added_mass.startswith("12.5 kg")
+    assert not any("Enter: not now" in state.asked for state in shown.states[-3:])
+
+
+def test_the_question_for_the_added_mass_goes_by_enter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = Range(monkeypatch, load_rig("mixed"), tmp_path, Told(has_keys=True), asks_mass=True)
+    shown = Steps(one, lambda: None, "\n", lambda: None, "q", "y")
+    monkeypatch.setattr(one.display, "show", shown)
+    one.run()
+    assert "Enter: not now" in shown.states[0].asked
+    assert shown.states[2].asked == ""
+    assert shown.states[2].added_mass == ""
+
+
+def test_a_full_disk_is_an_alarm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(PlayedSession, "status", property(lambda _: status(disk_free_bytes=1 << 20)))
+    one, shown = stepped(tmp_path, monkeypatch, "d", "q", "y")
+    one.run()
+    assert shown.states[0].alert == "DISK FULL: shots stay in the journal, make room"
+
+
+def test_what_is_typed_into_a_text_is_asked_for_as_it_was_pressed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    display = Told(has_keys=True)
+    typing(display, "0001 captured", "lW\n")
+    typing(display, "note on shot 0001: W", "qy")
+    one = Range(monkeypatch, load_rig("mixed"), tmp_path, display)
+    key, asked = display.key, list[tuple[str, bool]]()
+
+    def noted(*, typed: bool = False) -> str:
+        pressed = key(typed=typed)
+        asked.extend([(pressed, typed)] if pressed else [])
+        return pressed
+
+    monkeypatch.setattr(display, "key", noted)
+    one.session.fired(1.0)
+    one.run()
+    assert asked[:4] == [("l", False), ("W", True), ("\n", True), ("q", False)]

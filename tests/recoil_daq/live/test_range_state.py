@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import FrozenInstanceError, replace
 from pathlib import Path
 
@@ -11,10 +12,12 @@ import pytest
 
 from recoil_acquisition.capture.engine import Level
 from recoil_acquisition.files.new_file import partial_path
+from recoil_acquisition.quantities.unit_choice import UnitChoice
 from recoil_daq.live.range_state import RangeShot, source_state
 from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_daq.live.state_file import StateFile
 from tests.builders.live_status import BRAKE, CAN, state_of, status
+from tests.builders.range_states import day, lines_of, usable
 
 DOCUMENT = {
     "shot": "0001", "usable": True, "reasons": [], "quality": [],
@@ -89,3 +92,23 @@ def test_what_a_killed_session_left_of_the_file_is_taken_away(tmp_path: Path) ->
 def test_a_folder_that_is_gone_ends_nothing(tmp_path: Path) -> None:
     StateFile(tmp_path / "gone").write(state_of(status()))
     assert not (tmp_path / "gone").exists()
+
+
+def test_what_people_read_is_in_the_units_that_the_rig_chose_and_the_file_in_si() -> None:
+    state = day(units=UnitChoice.named(["bar", "g"]), shots=(usable("0003"),), notices=())
+    read = {channel.name: channel for channel in state.as_read().channels}
+    p_breech, acc = read["p_breech"], read["acc_recoil"]
+    assert (p_breech.unit, p_breech.triggers_at, acc.unit) == ("bar", pytest.approx(50.0), "g")
+    assert p_breech.range == pytest.approx((0.0, 3000.0))
+    assert p_breech.peak == pytest.approx((-8.0, 1314.0))
+    assert acc.level is not None
+    assert acc.level.last == pytest.approx(-2.1 / 9.80665)
+    (shot,) = state.as_read().shots
+    assert [(figure.unit, round(figure.value, 3)) for figure in shot.figures][:2] == [("bar", 1314.0), ("m", 0.822)]
+    document = state.to_json()
+    assert {one["unit"] for one in document["channels"]} == {"m/s^2", "Pa", "rad/s"}
+    bar = next(one for one in document["units"] if one["unit"] == "bar")
+    assert bar == {"quantity": "pressure", "unit": "bar", "si_per_unit": 1e5}
+    drawn = "\n".join(lines_of(state))
+    assert "1310 bar" in drawn
+    assert not re.search(r"Pa\b|kbar|m/s2", drawn)

@@ -10,7 +10,7 @@ import pytest
 from recoil_acquisition.errors import ReadError
 from recoil_daq.live import acquisition
 from recoil_daq.live.acquisition import run_live
-from recoil_daq.live.shot import LiveOptions
+from recoil_daq.live.shot import LiveOptions, LiveOutcome
 from recoil_daq.live.shots.dropped_files import DroppedFiles
 from recoil_rigs.rig import load_rig
 from tests.builders.range_session import Told
@@ -66,9 +66,12 @@ def test_a_folder_that_is_no_misspelling_is_made(tmp_path: Path, rig: Path, monk
     made: list[Path | None] = []
     worker = SimpleNamespace(ask=lambda *_, **__: None, close=lambda: None)
     monkeypatch.setattr(acquisition, "WarmWorker", lambda: worker)
-    monkeypatch.setattr(
-        acquisition, "LiveRange", lambda _, options, *__, **___: SimpleNamespace(run=lambda: made.append(options.watch))
-    )
+
+    def live(_: object, options: LiveOptions, *__: object, **___: object) -> SimpleNamespace:
+        made.append(options.watch)
+        return SimpleNamespace(run=lambda: LiveOutcome("mixed"), last=None)
+
+    monkeypatch.setattr(acquisition, "LiveRange", live)
     run_live(load_rig(rig), LiveOptions(tmp_path / "out", watch=tmp_path / "from-the-recorder"), Told())
     assert made == [tmp_path / "from-the-recorder"]
     with pytest.raises(ReadError, match="no such folder to watch"):

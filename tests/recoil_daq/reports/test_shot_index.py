@@ -77,8 +77,35 @@ def test_an_index_has_the_digits_of_the_report_and_leads_to_its_page(day: Path, 
 
 @pytest.mark.whole_way
 def test_a_shot_without_a_report_has_the_verdict_of_its_file(day: Path) -> None:
+    shutil.rmtree(day / "reports")
     (row,) = index_shots([day / "shots"], out=day / "index").document["shots"]
     assert (row["state"], row["valid"], row["report"], row["mass_kg"]) == ("usable", None, None, None)
+
+
+@pytest.mark.whole_way
+def test_reports_that_lie_beside_the_shots_are_found_and_those_of_other_shots_are_not(day: Path) -> None:
+    like(
+        day,
+        "0009",
+        provenance={
+            **json.loads((day / "reports" / "0001" / "report.json").read_text("utf-8"))["provenance"],
+            "inputs": [{"file": "0009.h5", "sha256": "9" * 64}],
+        },
+    )
+    (row,) = index_shots([day / "shots"], out=day / "index").document["shots"]
+    assert row["valid"] is True
+    assert (day / "index" / row["report"]).resolve() == (day / "reports" / "0001" / "report.html").resolve()
+
+
+@pytest.mark.whole_way
+def test_peaks_are_in_the_units_that_all_reports_chose(day: Path) -> None:
+    first = json.loads((day / "reports" / "0001" / "report.json").read_text("utf-8"))
+    issued = {**(first.get("issued") or {}), "units": ["bar"]}
+    in_bar = [like(day, name, issued=issued) for name in ("0002", "0003")]
+    page = index_shots(in_bar, out=day / "index").page
+    assert "/&nbsp;bar" in page.read_text("utf-8")
+    page = index_shots([*in_bar, day / "reports" / "0001" / "report.json"], out=day / "all").page
+    assert "/&nbsp;bar" not in page.read_text("utf-8")
 
 
 @pytest.mark.whole_way

@@ -31,6 +31,9 @@ FACTORS = {"n": 1e-9, "µ": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6, "G": 1
         (-0.0123, "kg", "-0.0123 kg"),
         (2300.0, "kg/s", "2300 kg/s"),
         (5e12, "Pa", "5000 GPa"),
+        (1314.0, "bar", "1310 bar"),  # chosen instead of SI: as it is
+        (0.0204, "g", "0.0204 g"),
+        (2.17e-19, "rad/s", "2.17e-19 rad/s"),
     ],
 )
 def test_a_number_gets_the_prefix_that_fits(value, unit, text) -> None:

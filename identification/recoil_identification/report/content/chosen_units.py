@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from recoil_acquisition.measured import Worded, figures_of, with_figures
-from recoil_acquisition.quantities.quantity import Unit, find_unit
+from recoil_acquisition.quantities.unit_choice import UnitChoice
 from recoil_identification.estimate.rounding import MINUS, significant
 from recoil_identification.report.figure.figure import Figure, HorizontalLine, Panel, Trace
 
@@ -27,38 +27,24 @@ TEXTS = (("findings", "text"), ("quality", "detail"), ("quantities", "basis"))
 
 
 @dataclass(frozen=True)
-class ChosenUnits:
-    """Units that were chosen.
+class ChosenUnits(UnitChoice):
+    """Units that were chosen for a document.
 
     Attributes
     ----------
-    by_quantity
-        Quantity -> spelling of its unit; SI of those that are not there.
     stated
         Texts of the document -> the same with the figures that it states beside them.
     """
 
-    by_quantity: Mapping[str, str]
     stated: Mapping[str, Worded] = field(default_factory=dict)
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> ChosenUnits:
         """Return those of a document, which states what it was issued with."""
-        names = [str(name) for name in (document.get("issued") or {}).get("units") or ()]
-        units = [(name, find_unit(name)) for name in names]
-        chosen = {quantity: name for name, unit in units if unit is not None for quantity in unit.quantities}
+        chosen = UnitChoice.named(str(name) for name in (document.get("issued") or {}).get("units") or ()).by_quantity
         beside = [(row, key) for rows, key in TEXTS for row in document.get(rows) or ()] + [(document, "summary")]
         said = [with_figures(str(row[key]), row) for row, key in beside if row.get("figures")] if chosen else []
         return cls(chosen, {str(one): one for one in said})
-
-    def factor(self, unit: str) -> tuple[float, str]:
-        """Return the factor from a unit to the one chosen, and that one's name; 1 and its own where none is."""
-        written = find_unit(unit)
-        if written is None or not written.factor or written.offset:
-            return 1.0, unit
-        name = next((self.by_quantity[one] for one in written.quantities if one in self.by_quantity), None)
-        chosen = None if name is None else find_unit(name)
-        return (1.0, unit) if chosen is None or name is None else (_ratio(written, chosen), name)
 
     def text(self, text: str) -> str:
         """Return a text with its figures in these units, each with as many digits as it has there.
@@ -114,10 +100,6 @@ def _written_as(number: str, value: float) -> str:
     digits = len(re.sub(r"e.*|\D", "", number).lstrip("0"))
     again = significant(value, max(digits, 1)).replace(MINUS, MINUS if MINUS in number else "-")
     return f"+{again}" if number.startswith("+") else again
-
-
-def _ratio(written: Unit, chosen: Unit) -> float:
-    return written.factor / chosen.factor
 
 
 def _trace(trace: Trace, factor: float, unit: str) -> Trace:

@@ -28,7 +28,7 @@ from recoil_identification.report.figure.figure import Figure
 from recoil_identification.report.figure.svg import still_svg
 from recoil_identification.report.page.packing import packed, packed_file
 from recoil_identification.report.page.page_files import SCRIPT_NAME, plotly_script
-from recoil_identification.report.results import beside, shot_index, sweep
+from recoil_identification.report.results import beside, day, shot_index, sweep
 from recoil_identification.report.sections import sections_of
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ PAGE_NAME = "report.html"
 CAMPAIGN_PAGE = "campaign.html"
 BESIDE_PAGE = "beside.html"
 INDEX_PAGE = "index.html"
+DAY_PAGE = "day.html"
 NEEDED_PX = {"few": 560, "some": 820, "many": 1180, "listing": 1300}
 """Kind of a table by the number of its columns, as ``parts.html`` tells it, or by its style -> width of a page up to
 which its rows are blocks."""
@@ -183,6 +184,7 @@ _HEADS: dict[str, Callable[[Mapping[str, Any]], ResultHead]] = {
     shot_index.SCHEMA: shot_index.head,
     sweep.SCHEMA: sweep.head,
     beside.SCHEMA: beside.head,
+    day.SCHEMA: day.head,
 }
 """Schema of a document of results -> function that returns the head of its page."""
 

@@ -15,11 +15,12 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from recoil_daq.live.range_state import RangeState
+from recoil_daq.live.range_state import RangeShot, RangeState
 from recoil_daq.live.screen import armed_screen
 from recoil_daq.live.screen.armed_screen import ArmedScreen
+from recoil_daq.live.shot import ShotState
 from tests.builders.live_status import RATE
-from tests.builders.range_states import day
+from tests.builders.range_states import SPOILT, day, usable
 
 DOCUMENT = {
     "shot": "0001", "rig": "mixed", "file": "shots/0001.h5", "usable": True, "reasons": [],
@@ -225,3 +226,32 @@ def test_the_screen_gives_the_terminal_back_when_something_fails(monkeypatch: py
         assert termios.tcgetattr(slave) == before
     os.close(master)
     assert "\x1b[?25h" in file.getvalue()  # the cursor is shown again
+
+
+def test_each_verdict_rings_once_and_twice_where_the_shot_is_not_usable(clock: list[float]) -> None:
+    file = io.StringIO()
+    with made(file=file, force_terminal=True) as screen:
+
+        def rings_of(*shots: RangeShot) -> int:
+            before = file.getvalue().count("\a")
+            for _ in range(6):
+                clock[0] += 0.21
+                screen.show(day(shots=shots))
+            return file.getvalue().count("\a") - before
+
+        assert rings_of(usable("0001", age_s=900.0)) == 0  # of before
+        assert rings_of(usable("0001", age_s=900.0), usable("0002", age_s=1.0)) == 1
+        assert rings_of(usable("0002", age_s=3.0), SPOILT) == 2
+        assert rings_of(usable("0002", age_s=3.0), SPOILT) == 0
+        assert rings_of(usable("0002", age_s=3.0), replace(SPOILT, state=ShotState.USABLE)) == 1  # made anew
+        assert rings_of(replace(usable("0004", age_s=1.0), seen=True)) == 0
+
+
+def test_a_text_that_is_typed_may_have_any_letter_and_the_words_have_their_key_otherwise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    screen = made()
+    pressed = list("wWaW")
+    monkeypatch.setattr(screen._keyboard, "key", lambda *, typed=False: pressed.pop(0))  # noqa: ARG005 - as the keyboard's
+    assert [screen.key(typed=True), screen.key(), screen.key(), screen.key(typed=True)] == ["w", "", "a", "W"]
+    assert screen.look.words

@@ -81,6 +81,8 @@ def test_the_level_is_drawn_or_left_out_for_whatever_a_sensor_sends(last, low, h
 @pytest.mark.parametrize(
     ("disk", "written", "text", "little"),
     [
+        (0, 0, "0.0 GB, 0 min", True),
+        (0, 36 * 10**9, "0.0 GB, 0 min", True),
         (2 * 10**9, 0, "2.0 GB", False),
         (9 * 10**8, 0, "0.9 GB", True),
         (77 * 10**9, 0, "77 GB", False),

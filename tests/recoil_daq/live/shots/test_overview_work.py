@@ -6,6 +6,7 @@ import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -65,3 +66,16 @@ def test_a_shot_file_that_is_gone_costs_its_curves_alone(worker: WarmWorker, tmp
     assert [notice for notice in told.notices if notice.startswith("the page has no curves of shot 0001: ")]
     work.begin(LiveShot("0002"))
     assert not work.pending, "it has no shot file"
+
+
+@pytest.mark.parametrize("overview_first", [True, False])
+def test_a_shot_of_before_has_its_overview_whichever_was_read_first(tmp_path: Path, *, overview_first: bool) -> None:
+    work = SimpleNamespace(done=overview_first, result=lambda: ([], {"0001": "ab" * 32}))
+    worker = SimpleNamespace(ask=lambda *_, **__: work, look=lambda: None)
+    overviews = OverviewWork(worker, tmp_path, Told(), [])  # type: ignore[arg-type]
+    shot = LiveShot("0001", document={"file": "0001.h5"})
+    overviews.look()
+    overviews.know([shot])
+    work.done = True
+    overviews.look()
+    assert shot.overview == "ab" * 32
