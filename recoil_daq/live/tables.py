@@ -60,7 +60,7 @@ def print_session(document: Mapping[str, Any]) -> None:
     print_shots(f"Live session on rig {document['rig']}: {len(shots)} shots", [_live_shot(shot) for shot in shots])
     for shot in shots:
         if losses := _losses(shot):
-            say(f"shot {shot['shot']} is not whole: {losses}")
+            say(f"lost in shot {shot['shot']}: {losses}")
         if shot["capture"] is not None and Path(shot["capture"]).is_file():
             say(f"shot {shot['shot']} is captured in {shot['capture']}")
     if (journal := document["journal"]) is not None:
