@@ -118,7 +118,7 @@ def write_index(out: Path) -> None:
     """Write which shots of a folder have an overview."""
     found = [
         {"shot": name, "sha256": digest, "filtered": (out / FOLDER / name / FILTERED).is_file()}
-        for name, digest in _digests(out).items()
+        for name, digest in digests_of(out).items()
     ]
     _replace(out / FOLDER / INDEX, f"window.shots = {json.dumps(found)};\n")
 
@@ -157,10 +157,10 @@ def overview_of(task: Path) -> str:
 
 def refresh(task: Path) -> tuple[list[str], dict[str, str]]:
     """Do as `refresh_overviews` in the process that stays warm; return the digests of the shots that have one, too."""
-    return refresh_overviews(task), _digests(task)
+    return refresh_overviews(task), digests_of(task)
 
 
-def _digests(out: Path) -> dict[str, str]:
+def digests_of(out: Path) -> dict[str, str]:
     """Return the SHA-256 of the shot files of a folder that have an overview, by the names of the shots."""
     heads = ((path.parent.name, _head_of(path)) for path in sorted((out / FOLDER).glob(f"*/{OVERVIEW}")))
     return {name: head[0] for name, head in heads if head is not None and (out / f"{name}.h5").is_file()}
