@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from inspect import Parameter, signature
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +15,6 @@ from recoil_daq.live import range_states
 from recoil_daq.live.range_state import NOT_UNDERSTOOD_S
 from recoil_daq.live.range_states import RangeStates
 from recoil_daq.live.shot import LiveOptions
-from recoil_daq.live.shots.earlier_shots import EarlierShots
 from recoil_rigs.rig import load_rig
 from tests.builders.live_status import BRAKE, CAN, IMU, SILENT, status
 
@@ -33,8 +33,8 @@ def states(out: Path) -> RangeStates:
         next_name="0001", added_mass=None, last=None, alarms=0, look=lambda _: (), noticed=(), shots=(),
     )  # fmt: skip
     sources = [source for source in rig.sources if source.name in ("can", "imu")]
-    parts: dict[str, Any] = dict.fromkeys(("files", "work", "decisions", "losses", "rest"), quiet)
-    return RangeStates(rig, LiveOptions(out), quiet, sources, [], masses=None, earlier=EarlierShots(None), **parts)
+    parts = [one.name for one in signature(RangeStates).parameters.values() if one.kind is Parameter.KEYWORD_ONLY]
+    return RangeStates(rig, LiveOptions(out), quiet, sources, [], **{**dict.fromkeys(parts, quiet), "masses": None})
 
 
 def looked(made: RangeStates, channels: tuple[ChannelStatus, ...], **changes: Any) -> dict[str, str]:
