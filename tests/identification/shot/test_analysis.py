@@ -435,7 +435,7 @@ def test_the_cutoff_by_the_spectra_is_lowered_for_the_slowest_force():
 def test_what_did_not_settle_is_not_valid(monkeypatch):
     virtual = virtual_shot()
     never = partial(solve, most_steps=0)
-    monkeypatch.setattr("recoil_identification.calibration.calibration.solve", never)
+    monkeypatch.setattr("recoil_identification.calibration.solution.solve", never)
     found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
     assert not found.route.calibration.inferred.converged
     assert any("did not settle" in reason for reason in found.reasons)
