@@ -29,9 +29,11 @@ from recoil_acquisition.errors import AlignmentError, IdentificationError, Recoi
 from recoil_acquisition.files.new_file import partial_path, remove_left_partials
 from recoil_acquisition.files.temporary_folder import LEFT_AFTER_S
 from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.quantities.unit_choice import SI, UnitChoice
 from recoil_acquisition.shot.shot import InputFile, Shot
 from recoil_acquisition.store import read_shot
 from recoil_processing.shot.onset import find_onset
+from recoil_rigs.rig import parse_rig
 
 FOLDER, OVERVIEW, FILTERED, INDEX = "overviews", "overview.js", "filtered.js", "index.js"
 SCHEMA = "recoil-daq/overview/1"
@@ -77,7 +79,7 @@ def write_overview(shot: Shot, file: Path) -> str:
         channels.append(told)
     head = {
         "schema": SCHEMA, "shot": name, "sha256": digest, "size": status.st_size,
-        "changed_ns": status.st_mtime_ns, "zero_s": _zero_s(shot),
+        "changed_ns": status.st_mtime_ns, "zero_s": _zero_s(shot), "units": _units(shot).to_json(),
     }  # fmt: skip
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -198,6 +200,14 @@ def _instants(shot: Shot, channel: Channel) -> tuple[Array, bool]:
         return shot.reference_times_s(channel.name), True
     except AlignmentError:
         return channel.time_base.times_s, False
+
+
+def _units(shot: Shot) -> UnitChoice:
+    """Return the units that the shot's rig chose; SI where its text is no rig any more."""
+    try:
+        return parse_rig(shot.rig_text, Path("rig"), shot.databases or {}, refuse_doubts=False).read_in
+    except RecoilDaqError:
+        return SI
 
 
 def _zero_s(shot: Shot) -> float | None:

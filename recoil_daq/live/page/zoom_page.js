@@ -23,6 +23,7 @@
     if (loaded.has(shot.shot)) return;
     await Curves.read(folder(shot.shot) + "overview.js", shot.sha256);
     loaded.set(shot.shot, window.overviews[shot.shot]);
+    Curves.choose(window.overviews[shot.shot].units);
   };
   const choose = async () => {
     const turn = ++asked;

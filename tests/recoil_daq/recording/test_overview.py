@@ -168,3 +168,14 @@ def test_a_clock_that_is_not_aligned_is_said_not_to_be(folder: Path) -> None:
     other = [one for one in told["channels"] if shot[one["name"]].time_base.clock != shot.reference_clock]
     assert other
     assert not any(one["aligned"] for one in other)
+
+
+@pytest.mark.parametrize("units", [[], ["bar"]])
+def test_it_says_in_which_units_the_rig_wants_to_be_read(folder: Path, units: list[str]) -> None:
+    shot, file = read_shot(folder / "0001.h5"), folder / "0001.h5"
+    assert "[report]" not in shot.rig_text
+    write_overview(replace(shot, rig_text=f"{shot.rig_text}\n[report]\nunits = {json.dumps(units)}\n"), file)
+    told = script(folder / "overviews/0001/overview.js")
+    assert [(one["unit"], one["si_per_unit"]) for one in told["units"]] == [(unit, 1e5) for unit in units]
+    write_overview(replace(shot, rig_text="no rig"), file)
+    assert script(folder / "overviews/0001/overview.js")["units"] == []
