@@ -31,7 +31,7 @@ from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.noise_in_motion import noise_in_motion
 from recoil_identification.calibration.solution import calibration_of
 from recoil_identification.estimate.rounding import in_kg, signed
-from recoil_identification.inference.change_odds import LEAST_FACTOR, could_hide_text, found_size, ln_odds_of_change
+from recoil_identification.inference.change_odds import could_hide_text, found_size, ln_odds_of_change
 from recoil_identification.inference.score import Scores
 from recoil_identification.rows.equation_of_motion import MASS, PIECES, change, ramps
 from recoil_identification.rows.row_noise import correlation_of
@@ -165,18 +165,18 @@ class MassConstancy:
     @property
     def constant(self) -> bool:
         """Whether no change of the mass can be told: also where a sensor or the breech chain explains more."""
-        return self.ln_bayes_factor <= LEAST_FACTOR or self.by_a_sensor or self.by_the_chain
+        return self.ln_bayes_factor <= self.least_odds or self.by_a_sensor or self.by_the_chain
 
     @property
     def by_the_chain(self) -> bool:
         """Whether a mass that changes would explain the shot, and a shape of the breech chain does as well."""
-        return self.ln_bayes_factor > LEAST_FACTOR and 0.0 < self.gain <= self.gain_of_chain
+        return self.ln_bayes_factor > self.least_odds and 0.0 < self.gain <= self.gain_of_chain
 
     @property
     def by_a_sensor(self) -> bool:
         """Whether a mass that changes would explain the shot, and a sensor that contradicts the others does better."""
         better = self.sensor_residual > CRITICAL_VALUE and 0.5 * self.sensor_residual**2 >= self.gain
-        return self.ln_bayes_factor > LEAST_FACTOR and better
+        return self.ln_bayes_factor > self.least_odds and better
 
     @property
     def ends_kg(self) -> tuple[float, float]:
@@ -214,9 +214,9 @@ class MassConstancy:
         at = f"{1e3 * (self.instant_s - self.onset_s):.1f} ms after the onset"
         size = signed(in_kg(self.change_kg, self.u_change_kg))
         masses = f"{in_kg(self.before_kg, self.u_before_kg)} before, {in_kg(self.after_kg, self.u_after_kg)} after"
-        odds = f"ln of the Bayes factor {self.ln_bayes_factor:+.1f}, limit {LEAST_FACTOR:g}"
+        odds = f"ln of the Bayes factor {self.ln_bayes_factor:+.1f}, limit {self.least_odds:g}"
         if self.constant:
-            if self.ln_bayes_factor > LEAST_FACTOR:
+            if self.ln_bayes_factor > self.least_odds:
                 better = (
                     "a sensor that is off explains the shot better"
                     if not self.by_the_chain
@@ -234,6 +234,11 @@ class MassConstancy:
             best = f"a drift of {size} over the travel"
         changing = self.what_changes
         return f"{changing[0].upper()}{changing[1:]} changes in the shot ({odds}): as a mass {best}; {masses}."
+
+    @property
+    def least_odds(self) -> float:
+        """Logarithm of the odds beyond which the mass is said to change."""
+        return self.changed.block.regression.least_odds
 
     @property
     def what_changes(self) -> str:
@@ -339,7 +344,7 @@ def _told(tried: _Tried, tested: Calibration) -> MassConstancy:
     # probabilities as small as a drawn one can be tell no more which explains the shot better
     kind: Kind = "step" if as_if_known(z[best]) >= abs(scores.normalised[0]) else "drift"
     shape = tried.shapes[:, :1] if kind == "drift" else steps_behind(regression, np.array([instant_s]))
-    beside = _with_noise_beside(tested, shape) if tried.ln_odds > LEAST_FACTOR else tested
+    beside = _with_noise_beside(tested, shape) if tried.ln_odds > regression.least_odds else tested
     changed = beside.with_changes(shape)
     found = changed.inferred
     at = [[one.name for one in found.unknowns].index(name) for name in (MASS.name, change(0).name)]
@@ -352,8 +357,8 @@ def _told(tried: _Tried, tested: Calibration) -> MassConstancy:
         normalised_step=float(z[best]),
         ln_bayes_factor=tried.ln_odds,
         u_drift_rel=1.0 / math.sqrt(scores.information[0]),
-        found_drift_rel=found_size(scores, SD, 0),
-        found_step_rel=found_size(scores, SD, int(steps[steps.size // 2])),
+        found_drift_rel=found_size(scores, SD, 0, regression.least_odds),
+        found_step_rel=found_size(scores, SD, int(steps[steps.size // 2]), regression.least_odds),
         moved_by_drift=float(scores.moves[calibration.rows.unknowns.index(MASS.name), 0]),
         p_drift=p_drift,
         p_step=p_step,

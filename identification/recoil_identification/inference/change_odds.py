@@ -43,7 +43,7 @@ def ln_odds_of_change(ln_bayes_factors: Array) -> Array:
     return np.asarray(np.logaddexp(ln_bayes_factors[..., 0], of_step) - math.log(2.0))
 
 
-def found_size(scores: Scores, sd: Array, change: int) -> float:
+def found_size(scores: Scores, sd: Array, change: int, least: float = LEAST_FACTOR) -> float:
     """Return which share of the mass must change to be found in `FOUND` of shots; infinite where none is.
 
     The scores are of changes of its logarithm: a mass that falls has to fall by less.
@@ -56,6 +56,8 @@ def found_size(scores: Scores, sd: Array, change: int) -> float:
         Standard deviation of each if there is one.
     change
         Place of the change that is there.
+    least
+        Logarithm of the odds beyond which a mass is said to change.
     """
     if not scores.identifiable[change]:
         return math.inf
@@ -65,7 +67,7 @@ def found_size(scores: Scores, sd: Array, change: int) -> float:
 
     def share(size: float) -> float:
         drawn = Scores(errors + size * per_size, scores.correlation, scores.identifiable, scores.information, _NONE)
-        return float(np.mean(ln_odds_of_change(drawn.ln_bayes_factors(sd)) > LEAST_FACTOR))
+        return float(np.mean(ln_odds_of_change(drawn.ln_bayes_factors(sd)) > least))
 
     low, high = 0.0, FIRST / math.sqrt(float(scores.information[change]))
     for _ in range(DOUBLINGS):

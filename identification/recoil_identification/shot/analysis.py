@@ -27,7 +27,6 @@ from recoil_identification.estimate.monte_carlo import propagate
 from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
 from recoil_identification.estimators.errors_in_variables import neighbouring_force
 from recoil_identification.estimators.total_least_squares import total_least_squares_mass
-from recoil_identification.inference.change_odds import LEAST_FACTOR
 from recoil_identification.rows.causes import SKEW
 from recoil_identification.rows.suspects import suspects
 from recoil_identification.shot.baseline import baselines_of
@@ -211,7 +210,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
     block = calibration.block
     suspected = suspects(block.regression, route.recorded, route.signals, fired.rig, block.causes)
     constancy, chain = mass_constancy(calibration), suspicion(calibration, suspected)
-    if constancy is not None and constancy.ln_bayes_factor > LEAST_FACTOR:
+    if constancy is not None and constancy.ln_bayes_factor > constancy.least_odds:
         # with the noise by which the mass is said to change, too
         beside = suspicion(constancy.beside, suspected)
         if beside is not None and beside.suspected:

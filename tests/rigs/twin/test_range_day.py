@@ -85,7 +85,7 @@ def test_a_live_session_ends_with_what_ended_its_day_unless_somebody_interrupted
 
     monkeypatch.setattr(acquisition, "_WARM", "builtins:repr")  # nobody fires: nothing need be fast
     monkeypatch.setattr(acquisition, "RangeDay", Failed)
-    monkeypatch.setattr(acquisition, "LiveRange", lambda *_, **__: SimpleNamespace(run=lambda _: "outcome"))
+    monkeypatch.setattr(acquisition, "LiveRange", lambda *_, **__: SimpleNamespace(run=lambda _: "outcome", last=None))
     display: Any = SimpleNamespace(notice=lambda _: None)
     if not said:
         assert run_live(RIG, LiveOptions(tmp_path, 1), display) == "outcome"
