@@ -90,7 +90,7 @@ def test_targets_are_as_uncertain_as_they_say(capsys, tmp_path: Path):
             worst, rms, coverage = (
                 min(shares, key=lambda group: shares[group]),
                 np.sqrt(np.mean(z**2)),
-                np.abs(z) < 1.96,
+                float(np.mean(np.abs(z) < 1.96)),
             )
             print(
                 f"{symbol:20} {rms:6.2f} {z.mean():6.2f} {coverage:7.2f}  {worst}: {shares[worst]:.2f}, "
