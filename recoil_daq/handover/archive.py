@@ -200,10 +200,12 @@ class CheckedArchive(Printed):
 
 
 def is_archive(path: Path) -> bool:
-    """Return whether a file is a ZIP archive by its beginning."""
+    """Return whether a file is a ZIP archive by its name or its beginning: one that is spoilt at once is one, too."""
     try:
+        if not path.is_file():
+            return False
         with path.open("rb") as stream:
-            return path.is_file() and stream.read(4) in (b"PK\x03\x04", b"PK\x05\x06")
+            return path.suffix.lower() == ".zip" or stream.read(4) in (b"PK\x03\x04", b"PK\x05\x06")
     except OSError:
         return False
 

@@ -120,7 +120,9 @@ def test_another_programs_compression_is_not_unpacked_to_any_size(day: Path) -> 
     assert fault == "was packed by another program"
 
 
-@pytest.mark.parametrize("content", [b"PK\x05\x06" + bytes(18), b"PK\x03\x04nothing", b"PK\x03\x04" + bytes(500)])
+@pytest.mark.parametrize(
+    "content", [b"PK\x05\x06" + bytes(18), b"not a zip", b"", b"PK\x03\x04nothing", b"PK\x03\x04" + bytes(500)]
+)
 def test_what_is_no_archive_of_a_day_is_refused_in_one_line(
     content: bytes, tmp_path: Path, run: Callable[..., Result]
 ) -> None:
