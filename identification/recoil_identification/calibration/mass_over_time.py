@@ -31,7 +31,7 @@ from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.noise_in_motion import noise_in_motion
 from recoil_identification.calibration.solution import calibration_of
 from recoil_identification.estimate.rounding import in_kg, signed
-from recoil_identification.inference.change_odds import could_hide_text, found_size, ln_odds_of_change
+from recoil_identification.inference.change_odds import LEAST_FACTOR, could_hide_text, found_size, ln_odds_of_change
 from recoil_identification.inference.score import Scores
 from recoil_identification.rows.equation_of_motion import MASS, PIECES, change, ramps
 from recoil_identification.rows.row_noise import correlation_of
@@ -238,7 +238,7 @@ class MassConstancy:
     @property
     def least_odds(self) -> float:
         """Logarithm of the odds beyond which the mass is said to change."""
-        return self.changed.block.regression.least_odds
+        return LEAST_FACTOR + self.changed.block.regression.further_odds
 
     @property
     def what_changes(self) -> str:
@@ -344,7 +344,8 @@ def _told(tried: _Tried, tested: Calibration) -> MassConstancy:
     # probabilities as small as a drawn one can be tell no more which explains the shot better
     kind: Kind = "step" if as_if_known(z[best]) >= abs(scores.normalised[0]) else "drift"
     shape = tried.shapes[:, :1] if kind == "drift" else steps_behind(regression, np.array([instant_s]))
-    beside = _with_noise_beside(tested, shape) if tried.ln_odds > regression.least_odds else tested
+    least_odds = LEAST_FACTOR + regression.further_odds
+    beside = _with_noise_beside(tested, shape) if tried.ln_odds > least_odds else tested
     changed = beside.with_changes(shape)
     found = changed.inferred
     at = [[one.name for one in found.unknowns].index(name) for name in (MASS.name, change(0).name)]
@@ -357,8 +358,8 @@ def _told(tried: _Tried, tested: Calibration) -> MassConstancy:
         normalised_step=float(z[best]),
         ln_bayes_factor=tried.ln_odds,
         u_drift_rel=1.0 / math.sqrt(scores.information[0]),
-        found_drift_rel=found_size(scores, SD, 0, regression.least_odds),
-        found_step_rel=found_size(scores, SD, int(steps[steps.size // 2]), regression.least_odds),
+        found_drift_rel=found_size(scores, SD, 0, least_odds),
+        found_step_rel=found_size(scores, SD, int(steps[steps.size // 2]), least_odds),
         moved_by_drift=float(scores.moves[calibration.rows.unknowns.index(MASS.name), 0]),
         p_drift=p_drift,
         p_step=p_step,

@@ -56,7 +56,7 @@ class LineRegression(Regression):
     blow: Blow | None = None
 
     recoils_once = False
-    least_odds = 5.0  # 150 to 1, very strong by Kass and Raftery: strokes differ by themselves
+    further_odds = 2.0  # 150 to 1 in all, very strong by Kass and Raftery: strokes differ by themselves
     least_identified = 0.0  # it coasts between its drives, and nothing tells a mass then
     stroke_rows = 30  # a force that stays the same has its energy at nothing
     unread_column = -1  # beside all gauges

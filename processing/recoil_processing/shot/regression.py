@@ -118,9 +118,8 @@ class Regression(ReadOnlyArrays):
     """Rate that the force needs at most: noise beyond all that it can be would count as energy of it."""
     bands: ClassVar[float] = 0.0
     """Cut-off over the force's own band where no spectrum tells; 0 where a fixed one is high enough."""
-    least_odds: ClassVar[float] = 3.0
-    """Logarithm of the odds of a mass that changes against one that does not, beyond which it is said to change: 20 to
-    1, strong in the words of Kass and Raftery (Bayes Factors, J. Am. Stat. Assoc. 90, 1995)."""
+    further_odds: ClassVar[float] = 0.0
+    """Logarithm of the odds of a mass that changes that are asked for beside those of every shot."""
     least_identified: ClassVar[float] = 0.5
     """Share of identified samples below which a mass over time does not describe the motion."""
     stroke_rows: ClassVar[int] = 0
