@@ -37,6 +37,9 @@ OF_ROLE = {
 """Peaks that hang on the tips of a channel; of another pressure its own peak."""
 CREST, DEGREE, FEWEST = 0.95, 4, 20
 """Share of a pressure's peak above which samples tell it, degree of the polynomial through them, and fewest of them."""
+NEAR_S, RISE_S = 5e-3, 2e-3
+"""Time on both sides of the largest acceleration from which its noise is taken, and that from the release on from which
+it is taken how steeply the force rises."""
 SPEED_ROLES = frozenset({"recoil_velocity", "recoil_displacement"})
 """Roles that tell the speed of a body on a line."""
 BESIDE_THE_READING = (SourceKind.AREA, SourceKind.BORE_FRICTION)
@@ -160,7 +163,11 @@ class _Quantities:
         sign = math.copysign(1.0, true[at])
         slopes = {name: -sign * factor * float(column[at]) for name, column in of_zero.items()}
         slopes[scale] = -abs(true[at])
-        noise = float(self.calibration.noise.sigma_m_s2[at])
+        # what rings within the band is in no row of the fit, whose low-pass is the narrower one
+        near = slice(max(at - round(NEAR_S / self._step_s), 0), at + round(NEAR_S / self._step_s) + 1)
+        felt, force_n = (side[near] for side in self.calibration.correct(filtered))
+        mass_kg = self.calibration.m0_kg * math.exp(self._value(motion.MASS.name))
+        noise = math.sqrt(float(np.mean((felt - force_n / mass_kg) ** 2)))
         return self._peak(abs(float(true[at])), slopes, {NOISE: noise})
 
     @property
@@ -198,10 +205,24 @@ class _Quantities:
         if not (slope > 0 and self._told and recorded.recoils_once) or recorded.cut_short:
             return Peak(t1 - t0)
         late_s = float(self._velocity_m_s[at]) / slope
+        early_s, u_onset_s = self._release
         slopes, beside = self._of_velocity(at)
         slopes = {name: one / slope for name, one in slopes.items()}
         beside = {name: one / slope for name, one in beside.items()}
-        return self._peak(t1 - t0 + late_s, slopes, {**beside, ONSET: recorded.step_s})
+        return self._peak(t1 - t0 + early_s + late_s, slopes, {**beside, ONSET: u_onset_s})
+
+    @property
+    def _release(self) -> tuple[float, float]:
+        """By how much the part was let go before the sample that says so, in the mean, and how uncertain that is."""
+        recorded = self.found.route.recorded
+        first = int(np.searchsorted(recorded.times_s, recorded.interval_s[0] - 1e-9))
+        rises_n = bridge(recorded.force_n, otherwise=0.0)[first : first + max(round(RISE_S / recorded.step_s), FEWEST)]
+        times_s = recorded.step_s * np.arange(rises_n.size)
+        sizes, (squares, *_), *_ = np.polyfit(times_s, rises_n, 2, full=True)
+        noise_n = math.sqrt(float(squares) / max(rises_n.size - 3, 1))
+        slope_n_s = float(sizes[1])
+        by_noise_s = noise_n / slope_n_s if slope_n_s > 0 else math.inf
+        return 0.5 * recorded.step_s, math.hypot(recorded.step_s / math.sqrt(12.0), min(by_noise_s, RISE_S))
 
     @property
     def impulse(self) -> Peak:
@@ -263,7 +284,10 @@ class _Quantities:
 
     @cached_property
     def _velocity_m_s(self) -> Array:
-        return self._corrected(self.found.route.velocity_m_s, self._wrong_m_s)
+        """Velocity behind the low-pass: what rings on the accelerometer is no motion of the part."""
+        low_pass, velocity = self.found.route.filtered.low_pass, self.found.route.velocity_m_s
+        smooth = velocity if low_pass is None else low_pass.apply(velocity, self.found.route.recorded.rate_hz)
+        return self._corrected(smooth, self._wrong_m_s)
 
     def _of_velocity(self, at: int) -> tuple[dict[str, float], dict[str, float]]:
         """Return the slopes of the velocity at a sample, and what the fit does not hold of it."""
