@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.rows import equation_of_motion as motion
@@ -134,7 +134,7 @@ class _Quantities:
         of_scale = next((p.unknowns for p in self.calibration.common if p.unknowns[0] == name), (name,))
         scales = {name: 1.0} | {part: -1.0 for part in of_scale[1:] if part in beside}
         log = sum(sign * self.calibration.inferred.value(one) for one, sign in scales.items())
-        shares = {
+        shares: dict[str, float] = {
             cause.source: float(cause.forces_n[at, column]) / force_n
             for cause in block.causes
             if cause.source.kind in READING and force_n
@@ -235,7 +235,9 @@ class _Quantities:
             factor = math.exp(-self.calibration.inferred.value(name)) * recorded.step_s
             # what was lost is bridged: where that is much the report has its verdict
             read = float(bridge(recorded.forces_n[:, column], otherwise=0.0)[recorded.inside].sum())
-            wrong = {one.source: float(one.forces_n[recorded.inside, column].sum()) for one in block.causes}
+            wrong: dict[str, float] = {
+                one.source: float(one.forces_n[recorded.inside, column].sum()) for one in block.causes
+            }
             whole = factor * (read + self._sum(wrong))
             value += whole
             slopes[name] = -whole
@@ -343,7 +345,7 @@ class _Quantities:
     def _wrong_m_s2(self, released: Array, shifts: Array | None) -> dict[str, Array]:
         """Return what sizes of one add to the reading of the acceleration, by the names of their unknowns."""
         columns = [] if shifts is None else [*shifts.T]
-        causes = {
+        causes: dict[str, Array] = {
             cause.source: cause.acceleration_m_s2
             for cause in self.calibration.block.causes
             if cause.source.kind not in OF_TIME and np.any(cause.acceleration_m_s2)
@@ -373,7 +375,7 @@ class _Quantities:
         return Peak(value, {**self.calibration.inferred.parts_of(slopes), **beside})
 
 
-def _largest_at(values: Array, inside: Array) -> int | None:
+def _largest_at(values: Array, inside: Flags) -> int | None:
     """Return where values are largest inside; None where there are none."""
     shown = np.where(inside & np.isfinite(values), values, -np.inf)
     at = int(np.argmax(shown))
