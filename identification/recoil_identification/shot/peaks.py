@@ -26,9 +26,11 @@ from recoil_identification.rows.sensor_priors import CAMERA_SCALE
 from recoil_identification.shot.identified import Identification
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
+from recoil_processing.noise import noise_sigma
 from recoil_processing.picture_bends import picture_bends
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
 
 OF_ROLE = {
     "recoil_acceleration": ("recoil_acceleration_m_s2",),
@@ -192,8 +194,9 @@ class _Quantities:
         if not self._told:
             return Peak(float(outward[at]))
         slopes = self._slopes(float(true[at]), {name: float(column[at]) for name, column in self._wrong_m.items()})
-        u_fused_m = 0.0 if route.fused is None else float(route.fused.u_position_m[at])
-        return self._peak(float(outward[at]), slopes, self._beside(float(true[at]), u_fused_m))
+        fused = route.fused
+        beside = self._integrals(at, 2) if fused is None else self._beside(float(true[at]), fused.u_position_m[at])
+        return self._peak(float(outward[at]), slopes, beside)
 
     @property
     def time(self) -> Peak:
@@ -296,14 +299,28 @@ class _Quantities:
         fused = self.found.route.fused
         value = float(self._velocity_m_s[at])
         slopes = self._slopes(value, {name: float(column[at]) for name, column in self._wrong_m_s.items()})
-        return slopes, self._beside(value, 0.0 if fused is None else float(fused.u_velocity_m_s[at]))
+        return slopes, self._integrals(at, 1) if fused is None else self._beside(value, fused.u_velocity_m_s[at])
 
     def _beside(self, value: float, u_fused: float) -> dict[str, float]:
         """Return what the fit does not hold of velocity or travel: all of the camera where its frames are not used."""
-        camera = self.found.route.camera
-        if self.found.route.fused is None or camera is None:
-            return {}
-        return {FUSION: u_fused} if self._knows_scale else {FUSION: u_fused, CAMERA_SCALE: camera.u_rel * abs(value)}
+        camera, fused = self.found.route.camera, {FUSION: float(u_fused)}
+        return fused if self._knows_scale or camera is None else {**fused, CAMERA_SCALE: camera.u_rel * abs(value)}
+
+    def _integrals(self, at: int, times: int) -> dict[str, float]:
+        """Return what noise, and the zeros of the carriage's sensors, make of so many integrals of the acceleration."""
+        signals, recorded = self.found.route.signals, self.found.route.recorded
+        since_s = max(float(recorded.times_s[at]) - recorded.interval_s[0], 0.0)
+        carriage = {role: signals.offsets[role] for role in CARRIAGE_ACCELERATIONS if role in signals.offsets}
+        noise = math.hypot(
+            noise_sigma(recorded.acceleration_m_s2[recorded.inside]),
+            *(noise_sigma(signals.series[role][recorded.inside]) for role in carriage if role in signals.series),
+        )
+        # a walk, and the integral of one
+        walked = noise * math.sqrt(self._step_s * since_s ** (2 * times - 1) / (2 * times - 1))
+        zeros = {
+            ErrorSource(SourceKind.ZERO, role): offset.u * since_s**times / times for role, offset in carriage.items()
+        }
+        return {NOISE: walked if math.isfinite(walked) else 0.0, **zeros}
 
     @property
     def _knows_scale(self) -> bool:
@@ -372,7 +389,8 @@ class _Quantities:
         return {name: -size for name, size in wrong.items()} | ({self._scale: -value} if self._knows_scale else {})
 
     def _peak(self, value: float, slopes: Mapping[str, float], beside: Mapping[str, float]) -> Peak:
-        return Peak(value, {**self.calibration.inferred.parts_of(slopes), **beside})
+        parts = self.calibration.inferred.parts_of(slopes)
+        return Peak(value, parts | {name: math.hypot(parts.get(name, 0.0), u) for name, u in beside.items()})
 
 
 def _largest_at(values: Array, inside: Flags) -> int | None:
