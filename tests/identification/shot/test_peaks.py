@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -72,6 +73,19 @@ def test_the_parts_add_up_and_the_largest_rules() -> None:
     low, high = peak.interval
     assert (low + high, high - low) == pytest.approx((20.0, 2 * 1.96 * 0.5), rel=1e-4)
     assert math.isinf(Peak(10.0).u)
+
+
+@pytest.mark.whole_way
+def test_each_part_is_what_the_quantity_moves_by_if_its_source_does() -> None:
+    """A source moved by its uncertainty moves the unknowns by its contributions, as a refit finds."""
+    found = identified(seed=5, u_zero_rel=MOVING, kind=False)
+    route, inferred, peaks = found.route, found.route.calibration.inferred, peaks_of(found)
+    for number, source in enumerate(inferred.sources):
+        values = inferred.values + inferred.contributions[:, number]
+        moved = replace(route.calibration, inferred=replace(inferred, values=values))
+        for name, other in peaks_of(replace(found, route=replace(route, calibration=moved))).items():
+            change, peak = abs(other.value - peaks[name].value), peaks[name]
+            assert change == pytest.approx(peak.parts[source], rel=0.05, abs=0.02 * peak.u), (name, source)
 
 
 @pytest.mark.whole_way
