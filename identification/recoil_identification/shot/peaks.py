@@ -317,7 +317,7 @@ class _Quantities:
         )
         # a walk, and the integral of one
         walked = noise * math.sqrt(self._step_s * since_s ** (2 * times - 1) / (2 * times - 1))
-        zeros = {
+        zeros: dict[str, float] = {
             ErrorSource(SourceKind.ZERO, role): offset.u * since_s**times / times for role, offset in carriage.items()
         }
         return {NOISE: walked if math.isfinite(walked) else 0.0, **zeros}
