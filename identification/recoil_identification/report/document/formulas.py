@@ -199,12 +199,14 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
                                                "the channel of the shot file",
                                                ("interval_s", "filter.cutoff_hz", "filter.half_order", "sensors"),
                                                ("recoil_acceleration",))),
-    ("peaks.recoil_velocity_m_s", Formula(f"{_PEAK} of the velocity, {_TAKEN_OFF}", _FUSED, ("interval_s", "sensors"),
+    ("peaks.recoil_velocity_m_s", Formula(f"{_PEAK} of the velocity behind the low-pass, {_TAKEN_OFF}", _FUSED,
+                                          ("interval_s", "filter.cutoff_hz", "filter.half_order", "sensors"),
                                           ("recoil_acceleration", "recoil_displacement"))),
     ("peaks.recoil_travel_m", Formula(f"{_PEAK} of the travel, {_TAKEN_OFF}", _FUSED, ("interval_s", "sensors"),
                                       ("recoil_acceleration", "recoil_displacement"))),
     ("peaks.recoil_time_s", Formula(
-        f"t1 - t0 - v(t1) / a(t1), t0 and t1 the ends of the identification interval, v {_TAKEN_OFF}", _FUSED,
+        f"t1 - t0 - v(t1) / a(t1), t0 half a sample before the identification interval begins and t1 its end, v "
+        f"{_TAKEN_OFF}", _FUSED,
         ("interval_s", "sensors"))),
     ("peaks.impulse_n_s", Formula(f"sum of P dt, P the force that drives, {_TAKEN_OFF}",
                                   "the first force of equation (36) of the paper", ("interval_s", "sensors"),
