@@ -111,6 +111,22 @@ SHOT_SECTIONS: tuple[Section, ...] = (
         link="Methods",
     ),
     Section(
+        "peaks",
+        "Peaks, time and impulse",
+        "Largest values from the onset of force to the end of recoil travel, without what the fit of the mass found of "
+        "the sensors' scales and zeros; each with what contributes most to its uncertainty.",
+        (
+            Column("quantity", "Quantity", "name"),
+            Column("value", "Value", "number"),
+            Column("u", "u", "number"),
+            Column("interval", "95 % interval", "number"),
+            Column("unit", "Unit"),
+            Column("ruled_by", "Largest contribution", "long"),
+        ),
+        tables.peak_rows,
+        link="Peaks",
+    ),
+    Section(
         "budget",
         "Uncertainty budget",
         "Standard uncertainty of the mass from each source, the largest first: A by statistics of this shot, B by "

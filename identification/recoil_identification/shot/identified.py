@@ -221,6 +221,12 @@ class Identification(ReadOnlyArrays):
         return calibration.estimate.mass_kg * calibration.without_unread.inferred.u(MASS.name)
 
     @property
+    def corrections(self) -> Calibration:
+        """What is taken off the sensors: sensors that were to explain a mass that changes would hide it."""
+        constant = self.constancy is None or self.constancy.constant
+        return self.route.calibration if constant or self.constancy is None else self.constancy.changed
+
+    @property
     def chosen(self) -> Result:
         """The result of the method that gives the report's mass."""
         return self.results[self.route.method]

@@ -90,19 +90,48 @@ def verdict(report: Report) -> Row:
 
 
 def peaks(report: Report) -> list[tuple[str, str]]:
-    """Label and text, with its unit, of the largest values of the shot, as far as it has them."""
-    known, chosen = report.get("peaks") or {}, ChosenUnits.of(report)
+    """Label and text, with its expanded uncertainty and unit, of the quantities of the shot, as far as it has them."""
+    known, intervals, chosen = report.get("peaks") or {}, report.get("peaks_U95") or {}, ChosenUnits.of(report)
     written = []
     for name, label, scale, decimals, unit in PEAKS:
         if known.get(name) is None:
             continue
         factor, other = chosen.factor(unit)
         value = scale * known[name]
+        if (interval := intervals.get(name)) is not None:
+            half = 0.5 * scale * factor * (interval[1] - interval[0])
+            text, spread = rounded(factor * value, half)
+            written.append((label, f"{text} ± {spread} {other}"))
+            continue
         # in another unit to as many digits as in its own
         digits = max(len(fixed(value, decimals).strip(f"{MINUS}0.").replace(".", "")), 1)
         text = fixed(value, decimals) if other == unit else significant(factor * value, digits)
         written.append((label, f"{text} {other}"))
     return written
+
+
+def peak_rows(report: Report) -> list[Row]:
+    """List the quantities that have an uncertainty, each with what contributes most to it."""
+    u, intervals, ruled = (report.get(key) or {} for key in ("peaks_u", "peaks_U95", "peaks_ruled_by"))
+    known, chosen, rows = report.get("peaks") or {}, ChosenUnits.of(report), list[Row]()
+    for name, label, scale, _, unit in PEAKS:
+        if u.get(name) is None or intervals.get(name) is None:
+            continue
+        factor, other = chosen.factor(unit)
+        by = scale * factor
+        value, spread = rounded(by * known[name], by * u[name])
+        low, high = (rounded(by * end, by * u[name])[0] for end in intervals[name])
+        rows.append(
+            {
+                "quantity": label,
+                "value": value,
+                "u": spread,
+                "interval": f"{low} to {high}",
+                "unit": other,
+                "ruled_by": ruled.get(name) or "",
+            }
+        )
+    return rows
 
 
 def started(report: Report) -> str | None:
