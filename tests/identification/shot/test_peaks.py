@@ -8,42 +8,16 @@ import numpy as np
 import pytest
 
 from recoil_identification.shot.analysis import identify_shot
-from recoil_identification.shot.identified import Identification, Options
+from recoil_identification.shot.identified import Options
 from recoil_identification.shot.peaks import Peak, peaks_of
 from recoil_rigs.shots.fired_shot import FiredShot
-from recoil_rigs.twin import draw_scene
-from recoil_rigs.twin.instruments import truth
+from tests.builders.fired_quantities import fired_quantities
 from tests.builders.virtual_shots import identified, virtual_shot, with_channels, without_channels
 
 FURTHEST = 3.5
 """Standard uncertainties by which a quantity may be off in one shot."""
 MOVING = 0.003
 """Share of its range by which a gauge's zero moves: far more than a gauge should."""
-
-
-def fired(found: Identification, seed: int, **settings: float | bool) -> Mapping[str, float]:
-    """Return what the virtual rig fired, by the names of the peaks, of the interval that was found."""
-    scene = draw_scene(virtual_shot(seed=seed, **settings).rig, seed, "s1")
-    mechanism, moved = scene.mechanism, scene.motion
-    times_s, step_s = moved.times_s, float(moved.times_s[1] - moved.times_s[0])
-    t0, t1 = found.route.recorded.interval_s
-    inside = (times_s >= t0) & (times_s <= t1)
-    felt = truth("recoil_acceleration", mechanism, moved, (0.0, 0.0)) - mechanism.at_rest["recoil_acceleration"]
-    filtered = found.route.filtered.low_pass.apply(felt, 1.0 / step_s)
-    let_go = times_s[np.flatnonzero(moved.qd[:, 4] > 1e-4)[0]]
-    drives_n = mechanism.force_areas[0] * moved.breech_pressure_pa - (
-        moved.breech_drag_n if moved.breech_drag_n.size else 0.0
-    )
-    return {
-        "breech_pressure_pa": float(moved.breech_pressure_pa[inside].max()),
-        "brake_pressure_pa": float(moved.brake_pressure_pa[inside].max()),
-        "recuperator_pressure_pa": float(moved.recuperator_pressure_pa[inside].max()),
-        "recoil_acceleration_m_s2": float(np.abs(filtered[inside]).max()),
-        "recoil_velocity_m_s": float(moved.qd[inside, 4].max()),
-        "recoil_travel_m": float(moved.q[:, 4].max() - moved.q[0, 4]),
-        "recoil_time_s": moved.t_end_s - float(let_go),
-        "impulse_n_s": float(drives_n[inside].sum()) * step_s,
-    }
 
 
 @pytest.mark.parametrize(
@@ -58,7 +32,7 @@ def test_each_quantity_is_what_was_fired_within_its_uncertainty(
     seed: int, settings: Mapping[str, float | bool]
 ) -> None:
     found = identified(seed=seed, **settings)
-    peaks, true = peaks_of(found), fired(found, seed, **settings)
+    peaks, true = peaks_of(found), fired_quantities(found, virtual_shot(seed=seed, **settings).rig, seed, "s1")
     assert peaks.keys() == true.keys()
     off = {name: (peak.value - true[name]) / peak.u for name, peak in peaks.items()}
     assert all(abs(one) < FURTHEST for one in off.values()), off
@@ -93,7 +67,11 @@ def test_without_a_camera_the_integrals_are_as_uncertain_as_they_are() -> None:
     settings = {"u_zero_rel": MOVING, "kind": False}
     virtual = virtual_shot(seed=5, **settings)
     alone = identify_shot(FiredShot(without_channels(virtual.shot, "x_camera"), virtual.rig), Options())
-    peaks, both, true = peaks_of(alone), peaks_of(identified(seed=5, **settings)), fired(alone, 5, **settings)
+    peaks, both, true = (
+        peaks_of(alone),
+        peaks_of(identified(seed=5, **settings)),
+        fired_quantities(alone, virtual.rig, 5, "s1"),
+    )
     for name in ("recoil_velocity_m_s", "recoil_travel_m", "recoil_time_s"):
         assert abs(peaks[name].value - true[name]) < FURTHEST * peaks[name].u
         assert peaks[name].u > both[name].u
