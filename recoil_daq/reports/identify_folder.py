@@ -23,6 +23,7 @@ from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.reports.targets import TargetReported, files_of, identify_targets
 from recoil_daq.terminal.result import Progress
 from recoil_daq.workers import Workers
+from recoil_identification.campaign.peaks import fired_alike
 from recoil_identification.shot.default_method import default_method
 from recoil_identification.shot.filter_choice import campaign_band_hz, campaign_choice, force_band_hz, force_spectra
 from recoil_identification.shot.identified import Options
@@ -367,20 +368,10 @@ def repeatability(documents: Sequence[Mapping[str, Any]]) -> dict[str, tuple[Ver
         if figures["recorded_m_s2"] is None or row.get("exclude") or not d.get("valid", True):
             continue
         one = ShotPeaks(d["shot"], figures["recorded_m_s2"], figures["filtered_m_s2"])
-        peaks.setdefault((d["rig"], _kind(row)), []).append(one)
+        peaks.setdefault((d["rig"], fired_alike(row)), []).append(one)
     rigs = [rig for rig, _ in peaks]
     return {
         rig if rigs.count(rig) == 1 else f"{rig}, {kind}": check_repeat_peaks(shots)
         for (rig, kind), shots in peaks.items()
         if len(shots) >= LEAST_SHOTS
     }
-
-
-def _kind(row: Mapping[str, Any]) -> str:
-    """Return how a shot was fired, as its row of the shot log has it."""
-    configuration, charge = (str(row.get(key) or "").strip() for key in ("configuration", "charge"))
-    added_kg = float(row.get("added_mass_kg") or 0.0)
-    parts = [f"configuration {configuration}"] if configuration else []
-    parts += [f"{added_kg:g} kg added" if added_kg else "nothing added"]
-    parts += [f"charge {charge}"] if charge else []
-    return ", ".join(parts)

@@ -16,7 +16,7 @@ from recoil_rigs.twin import simulate_shot
 from tests.builders.fired_quantities import fired_quantities
 from tests.builders.virtual_shots import with_twin
 
-SHOTS_OF_EACH = 30
+SHOTS_OF_EACH = 60
 GROUPS = (("mixed", True, 8100), ("mixed", False, 8200), ("field-2013", True, 8300), ("field-2013", False, 8400))
 """Rig, whether the world is no unkinder than the model, and first seed; no two shots share a draw."""
 MOVING = 0.001

@@ -215,6 +215,9 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
         "sqrt(J S J' + u_o^2): J the derivatives by the unknowns of the fit, S their covariance, u_o of what it does "
         "not hold: noise of the samples, and what camera and accelerometer leave of one another",
         "JCGM 102:2011, 6.2", ("sensors", "correlations"))),
+    ("peaks_u_shared.*", Formula(
+        "part of u by what every shot of the same sensors, or of the same rig, has in common",
+        "JCGM 100:2008 (GUM), 5.2.4", ("peaks_u",))),
     ("peaks_U95.*", Formula("value -+ 1.96 u", "JCGM 100:2008 (GUM), 6.2.1", ("peaks", "peaks_u"))),
     ("uncertainty.degrees_of_freedom", Formula("u^4 / sum(u_i^4 / nu_i)", "JCGM 100:2008 (GUM), (G.2b)", ("budget",))),
     ("uncertainty.coverage_factor", Formula("97.5 % quantile of Student's t", "JCGM 100:2008 (GUM), G.3.2",

@@ -9,8 +9,8 @@ import pytest
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from recoil_identification.rows.unread_resistance import SHARE, SLIDE, shape_of_force, unread_causes
-from recoil_identification.shot.preparation import prepare
 from recoil_identification.shot.peaks import peaks_of
+from recoil_identification.shot.preparation import prepare
 from recoil_identification.targets import target_function
 from recoil_identification.targets.forces.force_record import force_record
 from recoil_identification.targets.target import Case
