@@ -222,7 +222,7 @@ class Identification(ReadOnlyArrays):
 
     @property
     def corrections(self) -> Calibration:
-        """What is taken off the sensors: sensors that were to explain a mass that changes would hide it."""
+        """Errors taken off the sensors: those by which they were to explain a mass that changes would hide it."""
         constant = self.constancy is None or self.constancy.constant
         return self.route.calibration if constant or self.constancy is None else self.constancy.changed
 

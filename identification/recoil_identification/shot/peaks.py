@@ -61,6 +61,8 @@ LABELS = {
     "impulse_n_s": "impulse of the driving force",
 }
 """Names of all quantities in words."""
+UNITS = dict(zip(LABELS, ("Pa", "Pa", "Pa", "m/s^2", "m/s", "m", "s", "N s"), strict=True))
+"""Their units."""
 NOISE, FUSION, ONSET = "noise of the samples", "camera and accelerometer together", "onset of force"
 """Names of the parts that the fit of the mass does not hold."""
 
@@ -90,7 +92,7 @@ class Peak:
 
     @property
     def u_shared(self) -> float:
-        """What the sources that shots share contribute to `u`: no number of shots averages it out."""
+        """Contribution to `u` of the sources that shots share, which no number of shots averages out."""
         return math.hypot(*(part for name, part in self.parts.items() if name in self.shared))
 
     @property
@@ -352,7 +354,7 @@ class _Quantities:
 
     @cached_property
     def _wrong_m_s(self) -> dict[str, Array]:
-        """What sizes of one add to the velocity, by the names of their unknowns."""
+        """Velocities that sizes of one add, by the names of their unknowns."""
         if self.found.route.fused is not None:
             return {name: np.gradient(bend, self._step_s) for name, bend in self._bends.items()}
         regression = self.calibration.block.regression
@@ -363,7 +365,7 @@ class _Quantities:
 
     @cached_property
     def _wrong_m(self) -> dict[str, Array]:
-        """What sizes of one add to the travel."""
+        """Travels that sizes of one add, likewise."""
         if self.found.route.fused is not None:
             return self._bends
         return {name: integrate(column, self._step_s) for name, column in self._wrong_m_s.items()}

@@ -35,6 +35,7 @@ from recoil_identification.report.document.report_files import (
 )
 from recoil_identification.report.document.spreadsheet import csv_text
 from recoil_identification.rows.unread_resistance import FORCE
+from recoil_identification.shot.peaks import LABELS, UNITS
 from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.tables.issue import NOTHING_STATED, Issue
 
@@ -291,6 +292,7 @@ def _learnt(one: Learnt) -> dict[str, Any]:
 def _peak(one: PeakOfShots) -> dict[str, Any]:
     u, half = one.u, one.expanded
     return {
+        "name": f"{LABELS[one.quantity]}, {one.kind}",
         **stated(one, "quantity", "kind", "shots"),
         "value": one.mean,
         "scatter": one.scatter,
@@ -298,6 +300,7 @@ def _peak(one: PeakOfShots) -> dict[str, Any]:
         "U95": None if half is None else [one.mean - half, one.mean + half],
         "degrees_of_freedom": None if u is None else one.degrees_of_freedom,
         "coverage_factor": None if u is None or half is None or not u else half / u,
+        "unit": UNITS[one.quantity],
     }
 
 

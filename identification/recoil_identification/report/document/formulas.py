@@ -298,6 +298,17 @@ _OF_SHOTS = Formula(
     ("common", "repeatability"),
 )
 """The mass of a campaign."""
+_PEAKS_OF_SHOTS = {
+    "value": Formula("sum of the shots' values over their number", "JCGM 100:2008 (GUM), 4.2.1", ("shots",)),
+    "scatter": Formula("standard deviation of the shots' values", "JCGM 100:2008 (GUM), 4.2.2", ("shots",)),
+    "u": Formula(
+        "sqrt(s^2 / n + u_c^2): s the scatter, or what the shots' own u leaves if that is larger, u_c the part of "
+        "u that they share", "JCGM 100:2008 (GUM), 4.2.3 and 5.2.4", ("shots",)),
+    "U95": Formula("value -+ coverage_factor u", "JCGM 100:2008 (GUM), 6.2.1"),
+    "degrees_of_freedom": Formula("u^4 / ((s^2 / n)^2 / (n - 1))", "JCGM 100:2008 (GUM), (G.2b)"),
+    "coverage_factor": Formula("97.5 % quantile of Student's t", "JCGM 100:2008 (GUM), G.3.2"),
+}  # fmt: skip
+"""The quantities of a campaign's shots."""
 _FACTOR_OF_SHOTS = Formula(
     "97.5 % quantile of the normal distribution: u is averaged over the scatters that the shots allow",
     "A. Gelman et al., Bayesian Data Analysis, 3rd edition 2013, section 13.1", ("repeatability",),
@@ -318,6 +329,8 @@ def formula_of(key: str, document: Mapping[str, Any]) -> Formula | None:
         return _OF_SHOTS if "shots" in document else _MASSES.get(document["mass"]["method"])
     if key == "uncertainty.coverage_factor" and "shots" in document:
         return _FACTOR_OF_SHOTS
+    if parts[0] == "peaks" and "shots" in document:
+        return _PEAKS_OF_SHOTS.get(parts[-1])
     if parts[0] == "methods" and parts[-1] == "mass_kg":
         return _MASSES.get(".".join(parts[1:-1]))
     if parts[0] == "alignment" and parts[-1] in ("offset_s", "u_offset_s", "drift", "u_drift"):
