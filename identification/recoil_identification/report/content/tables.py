@@ -28,18 +28,15 @@ from recoil_identification.shot.peaks import LABELS
 Report = Mapping[str, Any]
 Row = dict[str, Any]
 
-PEAKS = tuple(
-    (name, LABELS[name], *form)
-    for name, *form in (
-        ("breech_pressure_pa", 1e-6, 1, "MPa"),
-        ("brake_pressure_pa", 1e-6, 2, "MPa"),
-        ("recuperator_pressure_pa", 1e-6, 2, "MPa"),
-        ("recoil_acceleration_m_s2", 1.0, 0, "m/s²"),
-        ("recoil_velocity_m_s", 1.0, 2, "m/s"),
-        ("recoil_travel_m", 1e3, 1, "mm"),
-        ("recoil_time_s", 1e3, 1, "ms"),
-        ("impulse_n_s", 1e-3, 2, "kN s"),
-    )
+PEAKS = (
+    ("breech_pressure_pa", LABELS["breech_pressure_pa"], 1e-6, 1, "MPa"),
+    ("brake_pressure_pa", LABELS["brake_pressure_pa"], 1e-6, 2, "MPa"),
+    ("recuperator_pressure_pa", LABELS["recuperator_pressure_pa"], 1e-6, 2, "MPa"),
+    ("recoil_acceleration_m_s2", LABELS["recoil_acceleration_m_s2"], 1.0, 0, "m/s²"),
+    ("recoil_velocity_m_s", LABELS["recoil_velocity_m_s"], 1.0, 2, "m/s"),
+    ("recoil_travel_m", LABELS["recoil_travel_m"], 1e3, 1, "mm"),
+    ("recoil_time_s", LABELS["recoil_time_s"], 1e3, 1, "ms"),
+    ("impulse_n_s", LABELS["impulse_n_s"], 1e-3, 2, "kN s"),
 )
 """Key, label, factor, decimals and unit."""
 CONFORMS = {True: "conforms", False: "does not conform", None: "neither is shown"}
