@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError, quoted
 from recoil_acquisition.numerics.linear_algebra import on_one_thread
@@ -67,19 +68,24 @@ class KeptCampaign(KeptDocument):
         if "history" in self.document:
             history_again(self.document["history"], self.document)
         Forms.of_document(self.document)
-        return digests, shots, self.issued, self.notes, self.document["set_aside"], provenance["version"]
+        return digests, shots, self.issued, self.notes, self.set_aside, provenance["version"]
 
     @property
     def issued(self) -> Issue:
         """Identity of the answer."""
-        return Issue.model_validate(self.document["issued"])
+        return Issue.model_validate(self.document.get("issued") or {})
+
+    @property
+    def set_aside(self) -> list[dict[str, Any]]:
+        """Shots that are not in it because they are made of the files of another one."""
+        return [dict(one) for one in self.document.get("set_aside") or ()]
 
     @property
     def notes(self) -> list[Note]:
-        """Notes of the run that made it."""
+        """Notes of the run that made it; an earlier version did not state which these are."""
         return [
             Note(NoteCode(one["code"]), one["about"], str(one["text"]))
-            for one in self.document["findings"]
+            for one in self.document.get("findings") or ()
             if one["code"] in OF_THE_RUN
         ]
 
@@ -132,7 +138,7 @@ class KeptCampaign(KeptDocument):
             parameters={},
             pages={one["shot"]: one["report"] for one in stated["shots"] if one["report"] is not None},
             issued=self.issued,
-            set_aside=stated["set_aside"],
+            set_aside=self.set_aside,
             drawn=stated["provenance"].get(DRAWN),
         )
         if "history" in stated:

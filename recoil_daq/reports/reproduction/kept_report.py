@@ -12,6 +12,7 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.regular_file import require_name
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot.shot import InputFile
+from recoil_acquisition.store import shot_file_of
 from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.identify import report_pages, reported
@@ -73,7 +74,7 @@ class Kept(KeptDocument):
         # what other rows the log had is in the note on the missing one alone
         fired = replace(fired, notes=(*fired.notes, *self.notes_on_log(len(fired.notes))))
         progress("identify")
-        made = self.identified(fired, replace(InputFile.of(path), name=self.shot_file.name))
+        made = self.identified(fired, replace(shot_file_of(path), name=self.shot_file.name))
         before = [f"{one.what}, recoil-daq {one.version}{_parameters(one.parameters)}" for one in fired.shot.history]
         steps = (*before, f"identify, recoil-daq {self.document['provenance']['version']}, {self.what}")
         return replace(made, steps=steps, ingredients=tuple(self._ingredients(path, folders)), fired=fired)
