@@ -26,7 +26,7 @@ from recoil_daq.reports.report_folder import way_inside
 from recoil_daq.reports.reproduction.ingredient import Ingredient, digest_differences, rows_since
 from recoil_daq.reports.reproduction.kept_document import Again, KeptDocument
 from recoil_daq.reports.reproduction.kept_report import SHOTS, Kept, KeptTarget
-from recoil_daq.reports.reproduction.places import find_reports, named_in, reports_in, targets_in
+from recoil_daq.reports.reproduction.places import DAY_DEPTH, find_reports, named_in, reports_in, targets_in
 from recoil_daq.reports.reproduction.recomputed import recompute
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
@@ -271,8 +271,12 @@ def kept_document(path: Path) -> KeptDocument:
 
 
 def documents_in(folder: Path) -> list[Path]:
-    """Return what can be made again in a folder and in those in it: reports, targets' documents, campaigns' answers."""
-    return [*reports_in(folder), *targets_in(folder), *named_in(folder, CAMPAIGN_FILE)]
+    """Return what can be made again in a folder, as of a day: reports, targets' documents, campaigns' answers."""
+    return [
+        *reports_in(folder, depth=DAY_DEPTH),
+        *targets_in(folder, depth=DAY_DEPTH),
+        *named_in(folder, CAMPAIGN_FILE, depth=DAY_DEPTH),
+    ]
 
 
 @on_one_thread
