@@ -222,6 +222,7 @@ def identify(
         paths = find_shot_files(shots)
         aside = set_aside(paths, shots)
         paths = [path for path in paths if path not in aside]
+        output.refuse_one_number(len(paths))
         reports: list[Reported] = []
         found: list[TargetReported] = []
         without: list[RecoilDaqError] = []

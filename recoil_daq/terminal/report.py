@@ -251,7 +251,7 @@ def print_index(document: Mapping[str, Any]) -> None:
     document
         Document of ``index --json``.
     """
-    from recoil_identification.report.results.shot_index import deviates, first_reason, summary
+    from recoil_identification.report.results.shot_index import conformity, deviates, first_reason, summary
 
     rows = [
         {
@@ -264,7 +264,7 @@ def print_index(document: Mapping[str, Any]) -> None:
                 if one["mass_kg"] is None
                 else mass_cells(one["mass_kg"], (one["U95_low_kg"], one["U95_high_kg"]), one["E_n"])
             ),
-            "verdict": verdict_cell(one["valid"], deviates=deviates(one)),
+            "verdict": verdict_cell(one["valid"], deviates=deviates(one), conformity=conformity(one)),
             "reason": first_reason(one),
         }
         for one in document["shots"]

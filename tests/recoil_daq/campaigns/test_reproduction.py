@@ -73,7 +73,7 @@ def test_the_shots_identity_the_header_and_the_conformity_are_in_the_answer(done
     assert 0.0 < conformity["probability"] < 1.0
     assert document["channels"] == [{**CHANNEL, "shots": [one["shot"] for one in document["shots"]]}]
     page = (done / "campaign" / "campaign.html").read_text("utf-8")
-    for text in ("accepted by N", "North", "probability of conformity", f"{100 * conformity['probability']:.1f} %"):
+    for text in ("accepted by N", "North", "decision rule", f"{100 * conformity['probability']:.1f} %"):
         assert text in page
     assert check_reports(done / "campaign", workers=1).again
 

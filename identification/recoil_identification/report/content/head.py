@@ -14,7 +14,10 @@ from recoil_rigs.tables.calibration_day import calibrations_in_words
 
 Document = Mapping[str, Any]
 Tone = Literal["ok", "doubt", "bad"]
-IDENTITY = ("laboratory", "customer", "order", "number", "issue", "approval", "remark")
+IDENTITY = (
+    "laboratory", "customer", "order", "number", "issue", "date", "replaces", "approval", "item", "received", "place",
+    "operator", "remark",
+)  # fmt: skip
 """Keys of the identity of a document, in the order in which they are read."""
 PEAKS = "Peaks"
 """Title of the facts that stand with the verdict."""
@@ -32,14 +35,11 @@ class Measure:
         Name and number with its unit.
     agrees
         Whether it agrees with what it is compared with; None where it says nothing of that, or nobody should go by it.
-    words
-        Words for a number that agrees, and for one that does not.
     """
 
     label: str
     text: str
     agrees: bool | None = None
-    words: tuple[str, str] = ("agrees", "deviates")
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,8 @@ class Head:
         Rig, and date and time; empty where nothing tells.
     tone, stamp
         Colour and words of the verdict.
+    conformity
+        The one word of the conformity with the tolerance, in capitals; empty where there is nothing to state it of.
     result
         Number with its spread, or the title of what has none.
     unit
@@ -99,6 +101,7 @@ class Head:
     tone: Tone
     stamp: str
     result: str
+    conformity: str = ""
     unit: str = ""
     words: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()
@@ -148,14 +151,12 @@ def head_of(document: Document) -> Head:
     )
 
 
-def _conformity(document: Document, *, valid: bool) -> tuple[tuple[Measure, ...], Facts]:
-    """Return the probability of conformity, as a number beside the result and in words."""
+def _conformity(document: Document) -> tuple[str, tuple[str, ...], Facts]:
+    """Return the one word of the conformity; and what it rests on, as a sentence or where nothing is agreed a fact."""
     found = tables.conformity(document)
-    if found is None:
-        return (), ()
-    label, words = f"probability of conformity ({found['tolerance']})", ("conforms", "does not conform")
-    measure = Measure(label, found["probability"], found["conforms"] if valid else None, words)
-    return (measure,), (("conformity", found["words"]),)
+    if found["ruled"]:
+        return found["word"], (f"Conformity {found['word']}: {found['words']}.",), ()
+    return found["word"], (), (("conformity", found["words"]),)
 
 
 def _of_shot(report: Document) -> Head:
@@ -164,7 +165,7 @@ def _of_shot(report: Document) -> Head:
     number = f"{verdict['mass']} {verdict['spread'] or ''}".rstrip() if verdict["number"] else "no number"
     factor = f" (k = {verdict['coverage_factor']}, U = {verdict['expanded']})" if verdict["coverage_factor"] else ""
     budget = tables.budget_total(report)
-    probability, conformity = _conformity(report, valid=valid)
+    word, ruled, conformity = _conformity(report)
     given = [
         ("specification", verdict["specification"] and f"{verdict['specification']} {unit}", None),
         ("deviation from the specification", verdict["off"], None),
@@ -187,9 +188,10 @@ def _of_shot(report: Document) -> Head:
         stamp="VALID" if valid else "NOT VALID",
         result=number,
         unit=unit if verdict["number"] else "",
-        words=(*_measurand(report), sentences.in_words(report)),
+        words=(*ruled, *_measurand(report), sentences.in_words(report)),
         reasons=(*([f"Valid, {verdict['deviation']}."] if verdict["deviation"] else ()), *against, *dated),
-        measures=(*(Measure(label, text, agrees) for label, text, agrees in given if text), *probability),
+        measures=tuple(Measure(label, text, agrees) for label, text, agrees in given if text),
+        conformity=word,
         groups=(
             (PEAKS, tuple(tables.peaks(report))),
             ("The shot", (*((label, text) for label, text in details if text), *conformity, *tables.facts(report))),
@@ -216,7 +218,7 @@ def _of_target(document: Document) -> Head:
 def _of_campaign(document: Document) -> Head:
     verdict, dated = campaign_tables.verdict(document), _dated(document)
     unit, valid = verdict["unit"], verdict["valid"]
-    probability, conformity = _conformity(document, valid=valid)
+    word, ruled, conformity = _conformity(document)
     given = [
         ("standard uncertainty", f"{verdict['u']} {unit}", None),
         ("specification, nothing added", verdict["specification"] and f"{verdict['specification']} {unit}", None),
@@ -228,7 +230,7 @@ def _of_campaign(document: Document) -> Head:
     charted = tuple(campaign_tables.charted(document))
     looks = campaign_tables.looks_asked_for(len(charted))
     told = (campaign_tables.unchanged, campaign_tables.agreement, campaign_tables.constancy)
-    words = (*_measurand(document), *(one(document) for one in told))
+    words = (*ruled, *_measurand(document), *(one(document) for one in told))
     return Head(
         of="Campaign",
         rig=str(document["rig"]),
@@ -240,7 +242,8 @@ def _of_campaign(document: Document) -> Head:
         words=tuple(word for word in words if word),
         reasons=(*document["reasons"], *dated),
         changes=tuple(campaign_tables.changed(document)),
-        measures=(*(Measure(label, text, agrees) for label, text, agrees in given if text), *probability),
+        measures=tuple(Measure(label, text, agrees) for label, text, agrees in given if text),
+        conformity=word,
         groups=(
             (
                 "The campaign",

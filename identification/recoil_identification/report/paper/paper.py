@@ -152,6 +152,7 @@ def _head(head: Head) -> Part:
         {
             "tone": head.tone,
             "stamp": head.stamp,
+            "conformity": head.conformity,
             "result": head.whole,
             "words": " ".join(head.words),
             "reasons": [*head.reasons, *head.changes],
