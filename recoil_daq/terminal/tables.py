@@ -137,9 +137,8 @@ def print_conformity(document: Mapping[str, Any]) -> None:
     """Print the one word of the conformity and its rule, where a tolerance is stated."""
     from recoil_identification.report.content.tables import conformity
 
-    found = conformity(document)
-    if found["ruled"]:
-        say(f"conformity {found['word']}: {found['words']}")
+    if said := conformity(document)["said"]:
+        say(said)
 
 
 def print_assumptions(

@@ -152,11 +152,9 @@ def head_of(document: Document) -> Head:
 
 
 def _conformity(document: Document) -> tuple[str, tuple[str, ...], Facts]:
-    """Return the one word of the conformity; and what it rests on, as a sentence or where nothing is agreed a fact."""
+    """Return the one word of the conformity, that with its rule where one was agreed, and what both rest on."""
     found = tables.conformity(document)
-    if found["ruled"]:
-        return found["word"], (f"Conformity {found['word']}: {found['words']}.",), ()
-    return found["word"], (), (("conformity", found["words"]),)
+    return found["word"], tuple(filter(None, [found["said"]])), (("conformity", found["words"]),)
 
 
 def _of_shot(report: Document) -> Head:

@@ -40,6 +40,8 @@ PEAKS = (
     ("impulse_n_s", "impulse of the driving force", 1e-3, 2, "kN s"),
 )
 """Key, label, factor, decimals and unit."""
+NAMED = {SIMPLE: "simple acceptance", GUARD_BAND: "guard band w = U"}
+"""Decision rules that have a name -> the name."""
 NO_UNCERTAINTY = "no uncertainty is known"
 """Why no conformity is stated of a mass that has no uncertainty."""
 NO_TOLERANCE = (
@@ -492,16 +494,20 @@ def correlations(document: Report) -> list[Row]:
 
 
 def conformity(document: Report) -> Row:
-    """Word the conformity with the tolerance: its one word, why it is that one, and whether a rule was looked at."""
+    """Word the conformity with the tolerance: its one word, that with its rule, and what both rest on."""
     found = document.get("conformity") or UNSTATED
+    word = found["word"].upper()
     if found["probability"] is None:
-        word, why = found["word"].upper(), found.get("why") or NO_UNCERTAINTY
-        return {"word": word, "words": why, "ruled": found["rule"] is not None}
+        why = found.get("why") or NO_UNCERTAINTY
+        said = f"Conformity {word}: {why}." if found["rule"] is not None else ""
+        return {"word": word, "said": said, "words": f"{word}: {why}"}
+    percent = percent_of(found["probability"])
+    said = f"{word} {within(found['limits_kg'])} by {NAMED.get(found['rule'], 'probability')}: {percent} % probable."
     words = (
-        f"probability of {percent_of(found['probability'])} % that the true mass lies {within(found['limits_kg'])} "
-        f"(JCGM 106, u {significant(found['u_kg'], 2)} kg); decision rule: {rule_in_words(found)}"
+        f"probability of {percent} % that the true mass lies {within(found['limits_kg'])} (JCGM 106, u "
+        f"{significant(found['u_kg'], 2)} kg); decision rule: {rule_in_words(found)}"
     )
-    return {"word": found["word"].upper(), "words": words, "ruled": True}
+    return {"word": word, "said": f"Conformity {said}", "words": words}
 
 
 def within(limits: Sequence[float | None], *, sign: bool = False) -> str:
