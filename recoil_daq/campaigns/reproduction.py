@@ -13,6 +13,7 @@ from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_daq.campaigns.campaign import campaign_pages
 from recoil_daq.campaigns.sources import CUTOFF_FILE, CampaignReport
+from recoil_daq.certificates.kept_certificate import KeptCertificate
 from recoil_daq.reports.explanation import (
     CheckedReport,
     CheckedReports,
@@ -41,6 +42,7 @@ from recoil_identification.report.document.campaign_document import (
     campaign_table,
     with_history,
 )
+from recoil_identification.report.document.certificate_document import CERTIFICATE_FILE
 from recoil_identification.report.document.report_files import DRAWN, REPORT_FILE
 from recoil_identification.report.document.reproduction import Comparison
 from recoil_identification.report.page.html import CAMPAIGN_PAGE
@@ -248,6 +250,8 @@ def explain(
     path = Path(report)
     if path.name == CAMPAIGN_FILE or (path / CAMPAIGN_FILE).is_file():
         return explained_again(KeptCampaign.read(path), key, folders_of(shots), progress)
+    if path.name == CERTIFICATE_FILE or (path / CERTIFICATE_FILE).is_file():
+        return explained_again(KeptCertificate.read(path), key, folders_of(shots), progress)
     found = find_reports(path)
     if len(found) > 1:
         raise ReadError(
@@ -260,13 +264,15 @@ def explain(
 
 def kept_document(path: Path) -> KeptDocument:
     """Read a document that can be made again, by the name of its file; ReadError if it is none."""
-    kinds: dict[str, type[KeptDocument]] = {CAMPAIGN_FILE: KeptCampaign, REPORT_FILE: Kept}
+    kinds: dict[str, type[KeptDocument]] = {
+        CAMPAIGN_FILE: KeptCampaign, REPORT_FILE: Kept, CERTIFICATE_FILE: KeptCertificate,
+    }  # fmt: skip
     return kinds.get(path.name, KeptTarget).read(path)
 
 
 def documents_in(folder: Path) -> list[Path]:
     """Return what can be made again in a folder and in those in it: reports, targets' documents, campaigns' answers."""
-    return [*reports_in(folder), *targets_in(folder), *named_in(folder, CAMPAIGN_FILE)]
+    return [*reports_in(folder), *targets_in(folder), *named_in(folder, CAMPAIGN_FILE, CERTIFICATE_FILE)]
 
 
 @on_one_thread

@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from recoil_acquisition.measured import worded
-from recoil_identification.estimate.rounding import NO_NUMBER
-from recoil_identification.report.content import campaign_tables, sentences, tables
+from recoil_identification.estimate.rounding import NO_NUMBER, fixed, plain, signed
+from recoil_identification.report.content import campaign_tables, certificate_tables, sentences, tables
 from recoil_identification.report.content.chosen_units import ChosenUnits
+from recoil_identification.report.document.certificate_document import SCHEMA as CERTIFICATE
 from recoil_rigs.tables.calibration_day import calibrations_in_words
+from recoil_rigs.tables.specification import mass_decimals
 
 Document = Mapping[str, Any]
 Tone = Literal["ok", "doubt", "bad"]
@@ -19,6 +21,11 @@ IDENTITY = (
     "operator", "remark",
 )  # fmt: skip
 """Keys of the identity of a document, in the order in which they are read."""
+LABELS = {
+    "date": "date of issue", "approval": "authorized by", "item": "item tested", "received": "item received",
+    "place": "place of the test", "operator": "tested by",
+}  # fmt: skip
+"""Keys of the identity that have other words on page and paper."""
 PEAKS = "Peaks"
 """Title of the facts that stand with the verdict."""
 Facts = tuple[tuple[str, str], ...]
@@ -131,7 +138,9 @@ class Head:
 
 def head_of(document: Document) -> Head:
     """Return the head of a shot's report, of a target's document or of a campaign's answer, by what it is."""
-    if "target" in document:
+    if document.get("schema") == CERTIFICATE:
+        head = _of_certificate(document)
+    elif "target" in document:
         head = _of_target(document)
     else:
         head = _of_campaign(document) if "shots" in document else _of_shot(document)
@@ -145,7 +154,10 @@ def head_of(document: Document) -> Head:
             (title, tuple((label, units.text(text)) for label, text in facts)) for title, facts in head.groups
         ),
         lists=tuple(replace(one, items=tuple(map(units.text, one.items))) for one in head.lists),
-        identity=tuple((key, str(issued[key])) for key in IDENTITY if issued.get(key)),
+        identity=(
+            *((LABELS.get(key, key), str(issued[key])) for key in IDENTITY if issued.get(key)),
+            *((LABELS.get(key, key), certificate_tables.NOT_STATED) for key in document.get("not_stated") or ()),
+        ),
         logo=str(issued.get("logo") or ""),
         concession=str(issued.get("concession") or ""),
     )
@@ -195,6 +207,34 @@ def _of_shot(report: Document) -> Head:
             ("The shot", (*((label, text) for label, text in details if text), *conformity, *tables.facts(report))),
         ),
         lists=(Listed("Notes", (*notes, *([worded("Assumed: ", assumed, ".")] if assumed else ()))),),
+    )
+
+
+def _of_certificate(document: Document) -> Head:
+    word, ruled, conformity = _conformity(document)
+    mass, uncovered = document["results"][0], [one for one in document["calibrations"] if one["in_force"] is False]
+    (row,) = (one for one in certificate_tables.results(document) if one["strong"])
+    specification, places = document["specification"], mass_decimals(mass["u"])
+    given = [
+        ("coverage factor k, degrees of freedom", f"{row['k']}, {row['nu']}"),
+        ("specification", specification["value"] and f"{plain(specification['value'])} kg"),
+        ("deviation", specification["value"] and f"{signed(fixed(specification['deviation_kg'], places))} kg"),
+    ]
+    count = len(uncovered)
+    dated = (f"{count} of {len(document['calibrations'])} calibrations were not in force on the day of firing.",)
+    return Head(
+        of=f"Certificate {certificate_tables.number_of(document)}: {certificate_tables.tested(document)}",
+        rig=str(document["rig"]),
+        when=str(document["issued"].get("date") or ""),
+        tone="bad" if not document["valid"] else "doubt" if uncovered else "ok",
+        stamp="VALID" if document["valid"] else "NOT VALID",
+        result=f"{row['value']} ± {row['U']}",
+        conformity=word,
+        unit="kg",
+        words=(*ruled, *_measurand(document), str(document["statement"])),
+        reasons=(*document["reasons"], *(dated if uncovered else ())),
+        measures=tuple(Measure(label, text) for label, text in given if text),
+        groups=(("Conformity", conformity),),
     )
 
 
