@@ -171,7 +171,7 @@ def campaign(
     output.refuse_unwritable(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE, CAMPAIGN_PDF))
     sources = list(sources_of([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
     # before any work: what is at fault leaves nothing behind
-    stated = None if header is None else read_header(Path(header))
+    stated = None if header is None else read_header(Path(header)).named(CAMPAIGN, folder.absolute().name)
     earlier = None if history is None else History.read(Path(history), folder)
     aside = _set_aside(sources)
     sources = [one for one in sources if one not in aside]
@@ -200,7 +200,7 @@ def campaign(
         inputs.append({"file": corrected.name, "sha256": corrected.sha256})
     issued = Issue.model_validate(alike([one.shot for one in combined.shots])).of_another()
     if stated is not None and header is not None:
-        issued = stated.over(issued).named(CAMPAIGN, folder.absolute().name)
+        issued = stated.over(issued)
         read = InputFile.of(Path(header))
         inputs.append({"file": read.name, "sha256": read.sha256, "source": HEADER_FILE})
     inputs += [] if earlier is None else earlier.inputs

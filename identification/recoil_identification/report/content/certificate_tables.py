@@ -14,7 +14,6 @@ from recoil_identification.estimate.rounding import NO_NUMBER, fixed, plain, rou
 from recoil_identification.report.content.chosen_units import ChosenUnits
 from recoil_identification.report.content.section import Column, Section
 from recoil_identification.report.content.tables import PEAKS, conformity, within
-from recoil_rigs.tables.specification import mass_decimals
 
 Document = Mapping[str, Any]
 Row = dict[str, Any]
@@ -68,9 +67,6 @@ def _label(document: Document, key: str) -> tuple[str, float, str]:
 
 
 def _rounded(one: Mapping[str, Any], by: float) -> tuple[str, str]:
-    if one["key"] == "mass" and one["U"] is not None:
-        places = mass_decimals(one["u"])
-        return fixed(one["value"], places), fixed(one["U"], places)
     value, expanded = rounded(by * one["value"], None if one["U"] is None else by * one["U"])
     return value, expanded if one["U"] is not None else NO_NUMBER
 
@@ -183,7 +179,7 @@ def conditions(document: Document) -> list[str]:
 def deviations(document: Document) -> list[str]:
     """List what departed from the usual method, what was taken for granted, and what speaks against the result."""
     said = [*document["deviations"]] or ["No deviation, repair or doubt was recorded."]
-    return [*document["reasons"], *said, *(f"Taken for granted: {one}." for one in document["assumed"])]
+    return [*document["reasons"], *said, *(f"Taken for granted: {one.replace('+-', '±')}." for one in document["assumed"])]
 
 
 def chain(document: Document) -> list[Row]:

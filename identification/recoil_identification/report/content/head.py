@@ -211,7 +211,7 @@ def _of_shot(report: Document) -> Head:
 
 
 def _of_certificate(document: Document) -> Head:
-    word, ruled, conformity = _conformity(document)
+    word, ruled, _ = _conformity(document)
     mass, uncovered = document["results"][0], [one for one in document["calibrations"] if one["in_force"] is False]
     (row,) = (one for one in certificate_tables.results(document) if one["strong"])
     specification, places = document["specification"], mass_decimals(mass["u"])
@@ -225,7 +225,7 @@ def _of_certificate(document: Document) -> Head:
     return Head(
         of=f"Certificate {certificate_tables.number_of(document)}: {certificate_tables.tested(document)}",
         rig=str(document["rig"]),
-        when=str(document["issued"].get("date") or ""),
+        when="",
         tone="bad" if not document["valid"] else "doubt" if uncovered else "ok",
         stamp="VALID" if document["valid"] else "NOT VALID",
         result=f"{row['value']} ± {row['U']}",
@@ -234,7 +234,6 @@ def _of_certificate(document: Document) -> Head:
         words=(*ruled, *_measurand(document), str(document["statement"])),
         reasons=(*document["reasons"], *(dated if uncovered else ())),
         measures=tuple(Measure(label, text) for label, text in given if text),
-        groups=(("Conformity", conformity),),
     )
 
 

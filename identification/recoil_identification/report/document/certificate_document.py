@@ -81,7 +81,7 @@ def certificate_document(
         "of": "campaign" if of_campaign else "shot",
         "name": str(source["rig"] if of_campaign else source["shot"]),
         "rig": source["rig"],
-        "started": min((str(one["started"]) for one in reports if one.get("started")), default=None),
+        "first_fired": min((str(one["started"]) for one in reports if one.get("started")), default=None),
         "issued": stated,
         "not_stated": [key for key in ASKED if key not in stated],
         "measurand": source.get("measurand"),

@@ -156,8 +156,9 @@ def _typeset(name: str, document: Document, figures: Sequence[Figure]) -> bytes:
 
 def _day_of(document: Document) -> str | None:
     """Return the date that the paper copy bears: of issue where a certificate states it, else of the shot."""
-    issued = (document.get("issued") or {}).get("date") if document.get("schema") == CERTIFICATE else None
-    return issued or document.get("started")
+    if document.get("schema") != CERTIFICATE:
+        return document.get("started")
+    return document["issued"].get("date") or document["first_fired"]
 
 
 def _head(head: Head) -> Part:
