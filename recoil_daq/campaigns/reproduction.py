@@ -14,6 +14,7 @@ from recoil_acquisition.remark import Note, NoteCode
 from recoil_daq.campaigns.campaign import campaign_pages
 from recoil_daq.campaigns.sources import CUTOFF_FILE, CampaignReport
 from recoil_daq.certificates.kept_certificate import KeptCertificate
+from recoil_daq.certificates.signature import Trust
 from recoil_daq.reports.explanation import (
     CheckedReport,
     CheckedReports,
@@ -282,6 +283,7 @@ def check_reports(
     shots: str | Path | None = None,
     workers: int | Workers | None = None,
     executor: Executor | None = None,
+    trust: Trust = Trust(),
     progress: Progress = lambda _: None,
 ) -> CheckedReports:
     """Make every document of a folder again, and compare every number: reports and targets from their shot files.
@@ -296,6 +298,8 @@ def check_reports(
         Folder in which to look for shot files, and for the reports of a campaign, first.
     workers, executor
         Workers that share the documents, as `recoil_daq.workers.Workers` takes them.
+    trust
+        What the signatures of certificates are taken for.
     progress
         Function called with how many are done, and how long the others may take.
 
@@ -306,7 +310,7 @@ def check_reports(
     """
     paths, folders = find_reports(place, documents_in), folders_of(shots)
     with Workers.of(workers, executor) as crew:
-        work = partial(_checked, shots=[crew.place(folder) for folder in folders])
+        work = partial(_checked, shots=[crew.place(folder) for folder in folders], trust=trust)
         names = [path.parent.name for path in paths]
         done = crew.outcomes(work, [crew.place(path) for path in paths], names, progress=progress)
         found = [
@@ -316,6 +320,8 @@ def check_reports(
     return CheckedReports(tuple(found))
 
 
-def _checked(path: Path, shots: Sequence[Path]) -> CheckedReport:
+def _checked(path: Path, shots: Sequence[Path], trust: Trust) -> CheckedReport:
     kept = kept_document(path)
+    if isinstance(kept, KeptCertificate):
+        kept = replace(kept, trust=trust)
     return CheckedReport(path, kept.name, kept.same_computer, recompute(kept, shots).whole(shots))

@@ -9,7 +9,7 @@ from pathlib import Path
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.shot.shot import InputFile
 from recoil_daq.certificates.certificate import FILES, SIGNED, certificate_pages, certified
-from recoil_daq.certificates.signature import SUFFIX, Trust
+from recoil_daq.certificates.signature import SUFFIX, State, Trust
 from recoil_daq.certificates.sources import SHOT_FILE, Sealed, Sources, candidates, found_by_digest
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.reproduction.ingredient import Ingredient, digest_differences
@@ -119,10 +119,13 @@ class KeptCertificate(KeptDocument):
                 continue
             if not file.is_file():
                 continue  # told as the file that is not there
-            signer, fault = self.trust.verdict(file, signature)
-            yield Difference(f"{signature.name}, the signature of {name}", fault, "a signature of these bytes") if (
-                fault
-            ) else f"{signature.name} ({signer})"
+            state, said = self.trust.verdict(file, signature)
+            if state is State.FAILS:
+                yield Difference(f"{signature.name}, the signature of {name}", said, "a signature of these bytes")
+            elif state is State.HOLDS:
+                yield f"{signature.name} {said}"
+            else:
+                yield NotCompared(signature.name, said, stated=state is State.NOT_READ)
 
     def changed(self, folders: Sequence[Path]) -> Comparison:
         """Compare the shot files behind it with the digests that it states, and name those that are not here."""

@@ -12,8 +12,9 @@ import shlex
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.files.regular_file import read_small
@@ -30,6 +31,24 @@ LONGEST_S = 300.0
 """Time that a program may take: it may ask for a PIN."""
 SECURE = ("sha256", "sha384", "sha512")
 """Digests of a signature that count."""
+
+
+class State(StrEnum):
+    """State of a signature that was verified."""
+
+    HOLDS = "holds"
+    OF_SOMEBODY = "of somebody"
+    """It holds, and nobody said whose it should be."""
+    NOT_READ = "not read"
+    """It is of a kind that is not known here."""
+    FAILS = "fails"
+
+
+class Verdict(NamedTuple):
+    """State of a signature, and who signed or why it is none."""
+
+    state: State
+    said: str
 
 
 @dataclass(frozen=True)
@@ -91,25 +110,24 @@ class Trust:
     signer: Path | None = None
     program: str = ""
 
-    def verdict(self, file: Path, signature: Path) -> tuple[str, str]:
-        """Verify a signature.
-
-        Returns
-        -------
-        signer, fault : str
-            Who signed, and why the signature does not hold; empty if it does.
-        """
+    def verdict(self, file: Path, signature: Path) -> Verdict:
+        """Verify a signature, with errors as of `verified`."""
         if self.program:
             try:
                 _run(self.program, file, signature)
             except StoreError as error:
-                return "", str(error)
-            return "as the program of --verify-with says", ""
+                return Verdict(State.FAILS, str(error))
+            return Verdict(State.HOLDS, "by the program of --verify-with")
         return verified(file.read_bytes(), read_small(signature, LARGEST_BYTES, "a signature"), self.signer)
 
 
-def verified(content: bytes, signature: bytes, trusted: Path | None = None) -> tuple[str, str]:
-    """Verify a detached CMS signature, as `Trust.verdict`.
+def verified(content: bytes, signature: bytes, trusted: Path | None = None) -> Verdict:
+    """Verify a detached CMS signature.
+
+    Parameters
+    ----------
+    trusted
+        Certificate of the signer, or of who issued it; None where nobody says whose it should be.
 
     Raises
     ------
@@ -124,28 +142,34 @@ def verified(content: bytes, signature: bytes, trusted: Path | None = None) -> t
 
     try:
         info = cms.ContentInfo.load(signature, strict=True)
+        known = info["content_type"].native == "signed_data"
+    except (ValueError, TypeError):
+        known = False
+    if not known:
+        return Verdict(State.NOT_READ, "it is no CMS signature: verify it with the program that made it, --verify-with")
+    try:
         (signer,) = info["content"]["signer_infos"]
         certificate = _certificate_of(signer, info["content"]["certificates"])
         name = signer["digest_algorithm"]["algorithm"].native
         if name not in SECURE:
-            return "", f"its digest is {name}, which does not count any more"
+            return Verdict(State.FAILS, f"its digest is {name}, which does not count any more")
         signed = content
         if len(signer["signed_attrs"]):
             stated = {one["type"].native: one["values"] for one in signer["signed_attrs"]}
             if stated["message_digest"][0].native != hashlib.new(name, content).digest():
-                return "", "the file is not the one that was signed"
+                return Verdict(State.FAILS, "the file is not the one that was signed")
             signed = signer["signed_attrs"].untag().dump()
         _verify(certificate, signer, name, signed)
     except InvalidSignature:
-        return "", "the file is not the one that was signed, or the signature was changed"
+        return Verdict(State.FAILS, "the file is not the one that was signed, or the signature was changed")
     except (ValueError, TypeError, KeyError, LookupError, AttributeError, UnsupportedAlgorithm) as error:
-        return "", f"this is no signature that can be verified: {error}".partition("\n")[0]
-    subject = certificate.subject.rfc4514_string()
-    fingerprint = hashlib.sha256(_der(certificate)).hexdigest()
-    if trusted is not None and not _is_of(certificate, _certificates(trusted)):
-        return "", f"it is signed by {subject} (SHA-256 {fingerprint}), and not by whom --signer names"
-    doubt = "" if trusted is not None else "; whether that is the laboratory's, --signer tells"
-    return f"signed by {subject}, certificate SHA-256 {fingerprint}{doubt}", ""
+        return Verdict(State.FAILS, f"it is damaged: {error}".partition("\n")[0])
+    subject = f"{certificate.subject.rfc4514_string()} (certificate SHA-256 {hashlib.sha256(_der(certificate)).hexdigest()})"
+    if trusted is None:
+        return Verdict(State.OF_SOMEBODY, f"it holds, and is signed by {subject}; --signer tells whose it should be")
+    if not _is_of(certificate, _certificates(trusted)):
+        return Verdict(State.FAILS, f"it is signed by {subject}, and not by whom --signer names")
+    return Verdict(State.HOLDS, f"by {subject}")
 
 
 def _require() -> None:
