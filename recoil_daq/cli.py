@@ -51,8 +51,7 @@ COMMANDS = {
     ),
     "certificate": Command(
         "handover",
-        "Write the certificate of a shot or a campaign: identity, results, decision rule, calibrations; signed on "
-        "request.",
+        "Write the certificate of a shot or a campaign: identity, results, decision rule, calibrations, signature.",
         "recoil-daq certificate campaign --header header.toml --sign signer.pem, and who holds it: recoil-daq explain "
         "certificate --check",
     ),

@@ -14,7 +14,7 @@ from recoil_acquisition.remark import Note, NoteCode
 from recoil_daq.campaigns.campaign import campaign_pages
 from recoil_daq.campaigns.sources import CUTOFF_FILE, CampaignReport
 from recoil_daq.certificates.kept_certificate import KeptCertificate
-from recoil_daq.certificates.signature import Trust
+from recoil_daq.certificates.signature import NOBODY, Trust
 from recoil_daq.reports.explanation import (
     CheckedReport,
     CheckedReports,
@@ -283,7 +283,7 @@ def check_reports(
     shots: str | Path | None = None,
     workers: int | Workers | None = None,
     executor: Executor | None = None,
-    trust: Trust = Trust(),
+    trust: Trust = NOBODY,
     progress: Progress = lambda _: None,
 ) -> CheckedReports:
     """Make every document of a folder again, and compare every number: reports and targets from their shot files.

@@ -162,9 +162,7 @@ def issued_for(sources: Sources, stated: Issue, header: Path) -> Issue:
     return stated.over(other).named(kind, name)
 
 
-def certified(
-    sources: Sources, issued: Issue, header: InputFile, forms: Forms, signed: bool
-) -> dict[str, Any]:
+def certified(sources: Sources, issued: Issue, header: InputFile, forms: Forms, signed: bool) -> dict[str, Any]:
     """Return the document of a certificate.
 
     Parameters

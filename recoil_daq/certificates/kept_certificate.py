@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.files.regular_file import require_name
 from recoil_acquisition.shot.shot import InputFile
 from recoil_daq.certificates.certificate import FILES, SIGNED, certificate_pages, certified
-from recoil_daq.certificates.signature import SUFFIX, State, Trust
+from recoil_daq.certificates.signature import NOBODY, SUFFIX, State, Trust
 from recoil_daq.certificates.sources import SHOT_FILE, Sealed, Sources, candidates, found_by_digest
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.reproduction.ingredient import Ingredient, digest_differences
@@ -33,7 +34,7 @@ class KeptCertificate(KeptDocument):
         What the reader takes its signatures for.
     """
 
-    trust: Trust = Trust()
+    trust: Trust = NOBODY
 
     file, schema, largest, anew = CERTIFICATE_FILE, SCHEMA, LARGEST_CERTIFICATE, "make the certificate anew"
     called = ("a certificate", "certificate")
@@ -41,6 +42,8 @@ class KeptCertificate(KeptDocument):
 
     def _needed(self) -> object:
         shots = [str(one["shot"]) for one in self.document["shots"]]
+        for part in (part for one in self.inputs for part in one.name.split("/")):
+            require_name(part)  # no file is looked for that is beyond the folders that are looked through
         return shots, self.issued, self.inputs, self.signatures, Forms.of_document(self.document)
 
     @property
@@ -112,7 +115,7 @@ class KeptCertificate(KeptDocument):
     def _signed(self) -> Iterator[Difference | NotCompared | str]:
         for name in SIGNED:
             file, signature = self.home / name, self.home / f"{name}{SUFFIX}"
-            expected = signature.name in self.signatures or self.trust != Trust()
+            expected = signature.name in self.signatures or self.trust != NOBODY
             if not signature.is_file():
                 if expected:
                     yield Difference(signature.name, None, "a signature")

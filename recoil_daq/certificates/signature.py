@@ -121,6 +121,10 @@ class Trust:
         return verified(file.read_bytes(), read_small(signature, LARGEST_BYTES, "a signature"), self.signer)
 
 
+NOBODY = Trust()
+"""Trust of a reader who does not say whose a signature should be."""
+
+
 def verified(content: bytes, signature: bytes, trusted: Path | None = None) -> Verdict:
     """Verify a detached CMS signature.
 
@@ -164,7 +168,8 @@ def verified(content: bytes, signature: bytes, trusted: Path | None = None) -> V
         return Verdict(State.FAILS, "the file is not the one that was signed, or the signature was changed")
     except (ValueError, TypeError, KeyError, LookupError, AttributeError, UnsupportedAlgorithm) as error:
         return Verdict(State.FAILS, f"it is damaged: {error}".partition("\n")[0])
-    subject = f"{certificate.subject.rfc4514_string()} (certificate SHA-256 {hashlib.sha256(_der(certificate)).hexdigest()})"
+    fingerprint = hashlib.sha256(_der(certificate)).hexdigest()
+    subject = f"{certificate.subject.rfc4514_string()} (certificate SHA-256 {fingerprint})"
     if trusted is None:
         return Verdict(State.OF_SOMEBODY, f"it holds, and is signed by {subject}; --signer tells whose it should be")
     if not _is_of(certificate, _certificates(trusted)):
@@ -288,6 +293,6 @@ def _run(command: str, file: Path, signature: Path) -> None:
     if done.returncode != 0:
         said = done.stderr.decode("utf-8", "replace").strip().splitlines()
         raise StoreError(
-            f"the program ended with {done.returncode}", path=file, found=f"{command}: {said[-1] if said else 'no word'}",
+            f"the program ended with {done.returncode}", path=file, found=": ".join((command, *said[-1:])),
             remedy="run it by hand",
         )  # fmt: skip

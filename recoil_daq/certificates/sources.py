@@ -1,4 +1,4 @@
-"""What a certificate rests on: the document that it is of, the reports of its shots, and the shot files behind these."""
+"""What a certificate rests on: the document that it is of, the reports of its shots, the shot files behind these."""
 
 from __future__ import annotations
 
@@ -128,7 +128,9 @@ class Sources:
         if of.document["schema"] == REPORT_SCHEMA:
             return cls(of, (of,))
         listed = {str(one["file"]): str(one["sha256"]) for one in of.document["provenance"]["inputs"]}
-        wanted = {file.partition("/")[0]: (file, sha256) for file, sha256 in listed.items() if file.endswith(REPORT_FILE)}
+        wanted = {
+            file.partition("/")[0]: (file, sha256) for file, sha256 in listed.items() if file.endswith(REPORT_FILE)
+        }
         found = []
         for one in of.document["shots"]:
             file, sha256 = wanted[str(one["shot"])]

@@ -67,7 +67,7 @@ def certificate(
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Write the certificate of a shot or a campaign: identity, results, decision rule, calibrations; signed on request."""
+    """Write the certificate of a shot or a campaign: identity, results, decision rule, calibrations, signature."""
     if sign is not None and sign_with:
         raise typer.BadParameter("give either --sign or --sign-with")
     with Session(json, debug) as session:
@@ -76,9 +76,7 @@ def certificate(
 
         try:
             with session.steps("certificate") as progress:
-                done = make(
-                    of, header, out=out, sign=sign, sign_with=sign_with, overwrite=overwrite, progress=progress
-                )
+                done = make(of, header, out=out, sign=sign, sign_with=sign_with, overwrite=overwrite, progress=progress)
         except IdentificationError as error:
             if error.code != ErrorCode.NOT_VALID:
                 raise

@@ -8,8 +8,8 @@ from typing import Any
 
 from recoil_acquisition.errors import visible
 from recoil_daq.terminal.console import output_console
-from recoil_daq.terminal.report import print_results
-from recoil_daq.terminal.tables import print_conformity, print_table, say
+from recoil_daq.terminal.report import print_conformity, print_results
+from recoil_daq.terminal.tables import print_table, say
 from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.content.campaign_tables import (

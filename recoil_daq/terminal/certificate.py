@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import quoted
-from recoil_daq.terminal.tables import print_conformity, say
+from recoil_daq.terminal.report import print_conformity
+from recoil_daq.terminal.tables import say
 
 
 def print_certificate(document: Mapping[str, Any], folder: Path) -> None:

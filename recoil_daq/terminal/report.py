@@ -137,6 +137,7 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
             else f", RPE {fixed(rpe['value'], 2)} % [{fixed(rpe['U95'][0], 2)}, {fixed(rpe['U95'][1], 2)}]"
         )
     )
+    print_conformity(d)
     if "measurand" in d:
         say_once((f"it is {d['measurand']}",), told)
     if parts := by_groups(d):
@@ -148,6 +149,14 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
         say_once((rpe["meaning"],), told)
     say(low_passes(d))
     print_outcome(d, None if folder is None else folder / "report.html", told)
+
+
+def print_conformity(document: Mapping[str, Any]) -> None:
+    """Print the one word of the conformity and its rule, where a tolerance is stated."""
+    from recoil_identification.report.content.tables import conformity
+
+    if said := conformity(document)["said"]:
+        say(said)
 
 
 def _specification(document: Mapping[str, Any]) -> str:

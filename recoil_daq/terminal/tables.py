@@ -112,7 +112,6 @@ def print_outcome(document: Mapping[str, Any], page: Path | None, told: set[str]
     for note in document["notes"]:
         say(f"note: {note}")
     print_assumptions(document, told=told)
-    print_conformity(document)
     from recoil_rigs.tables.calibration_day import calibrations_in_words
 
     console, reasons, dated = output_console(), document["reasons"], calibrations_in_words(document)
@@ -131,14 +130,6 @@ def print_outcome(document: Mapping[str, Any], page: Path | None, told: set[str]
     if dated:
         say(f"{'but' if document['valid'] else 'and:'} {dated}")
     say("" if page is None else f"-> {page}")
-
-
-def print_conformity(document: Mapping[str, Any]) -> None:
-    """Print the one word of the conformity and its rule, where a tolerance is stated."""
-    from recoil_identification.report.content.tables import conformity
-
-    if said := conformity(document)["said"]:
-        say(said)
 
 
 def print_assumptions(

@@ -15,7 +15,11 @@ Key = ec.EllipticCurvePrivateKey | rsa.RSAPrivateKey
 
 
 def signer(
-    path: Path, name: str, kind: Literal["ec", "rsa"] = "ec", issuer: tuple[str, Key] | None = None, password: bytes = b""
+    path: Path,
+    name: str,
+    kind: Literal["ec", "rsa"] = "ec",
+    issuer: tuple[str, Key] | None = None,
+    password: bytes = b"",
 ) -> Key:
     """Write a key with its certificate to a PEM file, and its certificate alone beside it, ``.crt``; return the key.
 

@@ -406,8 +406,8 @@ _OF_RESULTS = {shot_index.SCHEMA: INDEX_SECTIONS, sweep.SCHEMA: SWEEP_SECTIONS}
 _RESULTS = Section(
     "results",
     "Results",
-    "Each value with its expanded uncertainty U = k u for a coverage of 95 %, and effective degrees of freedom ν; a dash "
-    "where no uncertainty is known.",
+    "Each value with its expanded uncertainty U = k u for a coverage of 95 %, and effective degrees of freedom ν; a "
+    "dash where no uncertainty is known.",
     (
         Column("quantity", "Quantity", "name"),
         Column("value", "Value", "number"),
@@ -448,8 +448,8 @@ _OF_A_CERTIFICATE = (
     Section(
         "calibrations",
         "Calibrations on the day of firing",
-        "The sensor of each channel that the result rests on: number of its calibration, relative standard uncertainty u "
-        "of its scale with k and degrees of freedom ν, and whether it was in force when the shots were fired.",
+        "The sensor of each channel that the result rests on: number of its calibration, relative standard uncertainty "
+        "u of its scale with k and degrees of freedom ν, and whether it was in force when the shots were fired.",
         (
             Column("channel", "Channel", "name"),
             Column("sensor", "Sensor"),

@@ -24,7 +24,9 @@ def drawn(off_kg: float, u_kg: float, freedom: float = math.inf, seed: int = 202
     return off_kg + u_kg * unit
 
 
-@pytest.mark.parametrize("tolerance_kg", [(-4.0, 4.0), (-1.0, 6.0), (2.0, 3.0), (-30.0, -10.0), (-OPEN, 2.0), (-1.0, OPEN)])
+@pytest.mark.parametrize(
+    "tolerance_kg", [(-4.0, 4.0), (-1.0, 6.0), (2.0, 3.0), (-30.0, -10.0), (-OPEN, 2.0), (-1.0, OPEN)]
+)
 @pytest.mark.parametrize(("off_kg", "u_kg"), [(0.0, 2.5), (3.1, 2.5), (-6.0, 1.0), (4.0, 0.05)])
 @pytest.mark.parametrize("freedom", [math.inf, 7.0])
 def test_the_probability_is_the_share_of_draws_inside(tolerance_kg, off_kg, u_kg, freedom):
@@ -110,4 +112,6 @@ def test_without_tolerance_specification_or_number_none_is_stated():
 def test_the_limits_of_a_document_have_no_number_for_an_open_side():
     found = conformity_of((-4.0, 4.0), BARE, 782.5, 1.0)
     assert found.to_json()["limits_kg"] == [778.0, 786.0]
-    assert conformity_of((-OPEN, 4.0), BARE, 782.5, 1.0, rule="guard band").to_json()["guard_band_kg"] == pytest.approx(1.96, abs=1e-3)
+    assert conformity_of((-OPEN, 4.0), BARE, 782.5, 1.0, rule="guard band").to_json()["guard_band_kg"] == pytest.approx(
+        1.96, abs=1e-3
+    )

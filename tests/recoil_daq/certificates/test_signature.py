@@ -105,7 +105,11 @@ def test_what_is_no_signature_is_said_to_be_none(signature: bytes) -> None:
 
 def test_what_cannot_sign_is_refused_before_anything_is_made(tmp_path: Path, file: Path) -> None:
     signer(tmp_path / "hidden.pem", "Hidden", password=b"secret")
-    for name, said in (("hidden.pem", "encrypted"), ("lab.crt", "no private key"), ("certificate.json", "no private key")):
+    for name, said in (
+        ("hidden.pem", "encrypted"),
+        ("lab.crt", "no private key"),
+        ("certificate.json", "no private key"),
+    ):
         with pytest.raises(ReadError, match=said):
             Signer(key=tmp_path / name).check()
     key_alone = tmp_path / "alone.pem"
@@ -120,7 +124,7 @@ def test_what_cannot_sign_is_refused_before_anything_is_made(tmp_path: Path, fil
     for program in ("no-such-program {file} {signature}", f"{sys.executable} -c 0 {{file}} {{signature}}"):
         with pytest.raises(StoreError):
             Signer(program=program).sign(file)
-    with pytest.raises(ReadError, match="no X.509 certificate"):
+    with pytest.raises(ReadError, match=r"no X\.509 certificate"):
         Trust(signer=file).verdict(file, Signer(key=file.with_name("lab.pem")).sign(file))
 
 

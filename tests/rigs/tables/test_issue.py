@@ -116,6 +116,6 @@ def test_a_number_has_the_name_of_its_document_and_no_other_document_takes_it_ov
     assert one.named(SHOT, "0001").number == "R-0001"
     assert Issue(number="TR-42").named(CAMPAIGN, "spring").number == "TR-42"
     assert Issue(number="R-{campaign}").named(CAMPAIGN, "spring").number == "R-spring"
-    with pytest.raises(ReadError, match="has {shot}, and this document is of a campaign"):
+    with pytest.raises(ReadError, match=r"has \{shot\}, and this document is of a campaign"):
         one.named(CAMPAIGN, "spring")
     assert one.of_another() == Issue(laboratory="North")

@@ -147,7 +147,9 @@ def calibrations(document: Document) -> list[Row]:
             "k": fixed(one["k"], 2) if one["k"] else "1",
             "nu": INFINITE if one["nu"] is None else plain(one["nu"]),
             "shots": ", ".join(one["shots"]) if several and len(one["shots"]) < len(document["shots"]) else "",
-            "in_force": {True: "in force", False: "; ".join(one["said"]), None: "not told by its dates"}[one["in_force"]],
+            "in_force": {True: "in force", False: "; ".join(one["said"]), None: "not told by its dates"}[
+                one["in_force"]
+            ],
         }
         for one in document["calibrations"]
     ]
@@ -165,12 +167,13 @@ def conditions(document: Document) -> list[str]:
         else f"Specification: {plain(specification['value'])} kg{about}; deviation "
         f"{signed(fixed(specification['deviation_kg'], 2))} kg"
     )
+    method, version = document["method"], document["provenance"]["version"]
+    rests_on = found["words"].removeprefix(f"{found['word']}: ")
     return [
         f"Measurand: {document['measurand']}.",
-        f"Method: {document['method']['text']} Of the mass: {document['method']['of_the_mass']}; software: recoil-daq "
-        f"{document['provenance']['version']}.",
+        f"Method: {method['text']} Of the mass: {method['of_the_mass']}; software: recoil-daq {version}.",
         f"{against}.",
-        f"Statement of conformity: {document['conformity']['word'].upper()}; {found['words'].removeprefix(found['word'] + ': ')}.",
+        f"Statement of conformity: {found['word']}; {rests_on}.",
         "U is the standard uncertainty times k, for a coverage of 95 %; ν are effective degrees of freedom.",
         document["statement"],
     ]
@@ -179,7 +182,11 @@ def conditions(document: Document) -> list[str]:
 def deviations(document: Document) -> list[str]:
     """List what departed from the usual method, what was taken for granted, and what speaks against the result."""
     said = [*document["deviations"]] or ["No deviation, repair or doubt was recorded."]
-    return [*document["reasons"], *said, *(f"Taken for granted: {one.replace('+-', '±')}." for one in document["assumed"])]
+    return [
+        *document["reasons"],
+        *said,
+        *(f"Taken for granted: {one.replace('+-', '±')}." for one in document["assumed"]),
+    ]
 
 
 def chain(document: Document) -> list[Row]:

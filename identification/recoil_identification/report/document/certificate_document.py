@@ -32,8 +32,9 @@ ASKED = ("laboratory", "place", "number", "customer", "item", "received", "date"
 RELATES = "The results relate only to the items tested, which are the shots listed here, as they were fired."
 """Statement of ISO/IEC 17025:2017, 7.8.2.1 l."""
 METHOD = (
-    "The mass is that of the equation of motion of the recoiling part, fitted to its measured acceleration or travel and "
-    "the measured forces, every sensor known as its certificate says; its uncertainty is by JCGM 100 (GUM) and JCGM 101."
+    "The mass is that of the equation of motion of the recoiling part, fitted to its measured acceleration or travel "
+    "and the measured forces, every sensor known as its certificate says; its uncertainty is by JCGM 100 (GUM) and "
+    "JCGM 101."
 )
 
 
@@ -93,7 +94,11 @@ def certificate_document(
             "E_n": mass.get("E_n") if of_campaign else source["E_n"],
         },
         "conformity": stated_conformity(
-            issued, specification, mass["value"], mass["u"], math.inf if of_campaign else freedom,
+            issued,
+            specification,
+            mass["value"],
+            mass["u"],
+            math.inf if of_campaign else freedom,
             valid=bool(source["valid"]),
         ),
         "shots": _shots(source, by_name) if of_campaign else [_shot(source)],

@@ -217,8 +217,8 @@ INDEX = ResultTable(
         replace(REASON, text=first_reason),
     ),
     (
-        "shot", "rig", "started", *LOGGED, "state", "warnings", "valid", "conformity", "reason", *MASS_KEYS, "specification_kg",
-        "E_n", "rpe_percent", *PEAK_KEYS, *(f"u_{name}" for name in PEAK_KEYS), "report", "file",
+        "shot", "rig", "started", *LOGGED, "state", "warnings", "valid", "conformity", "reason", *MASS_KEYS,
+        "specification_kg", "E_n", "rpe_percent", *PEAK_KEYS, *(f"u_{name}" for name in PEAK_KEYS), "report", "file",
     ),
     lambda row: {"page": row["report"], "aside": row["exclude"] is not None},
 )  # fmt: skip
