@@ -84,10 +84,10 @@ class ErrorCode(StrEnum):
     """A file is of no source of the rig."""
     NOT_INSTALLED = "not installed"
     """An optional library is needed, which the remedy installs."""
-    NOT_VALID = "not valid"
-    """A result is not valid, and what was asked for is made of valid ones alone."""
     EXISTS = "exists"
     """A file or folder to be written is there already, and nothing is overwritten unless that is asked for."""
+    NOT_VALID = "not valid"
+    """A result is not valid, and what was asked for is made of valid ones alone."""
 
 
 class RecoilDaqError(Exception):

@@ -299,7 +299,7 @@ def check_reports(
     workers, executor
         Workers that share the documents, as `recoil_daq.workers.Workers` takes them.
     trust
-        What the signatures of certificates are taken for.
+        Knowledge of whose the signatures of certificates should be.
     progress
         Function called with how many are done, and how long the others may take.
 

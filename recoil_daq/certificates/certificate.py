@@ -17,10 +17,9 @@ from recoil_daq.certificates.sources import Sources
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.report_folder import publish
-from recoil_daq.reports.stored_shot import HEADER_FILE
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
-from recoil_identification.report.document.certificate_document import CERTIFICATE_FILE, certificate_document
+from recoil_identification.report.document.certificate_document import CERTIFICATE_FILE, Behind, certificate_document
 from recoil_identification.report.document.report_files import json_bytes
 from recoil_identification.report.page.html import CERTIFICATE_PAGE, render_certificate_page
 from recoil_identification.report.paper.paper import CERTIFICATE_PDF, certificate_pdf
@@ -125,9 +124,10 @@ def certificate(
         (partial / CERTIFICATE_FILE).write_bytes(json_bytes(document))
         (partial / CERTIFICATE_PAGE).write_text(pages.page, encoding="utf-8", newline="\n")
         (partial / CERTIFICATE_PDF).write_bytes(pages.pdf or b"")
-        for name in SIGNED if signer is not None else ():
-            progress(f"sign {name}")
-            signer.sign(partial / name)
+        for name in SIGNED:
+            if signer is not None:
+                progress(f"sign {name}")
+                signer.sign(partial / name)
 
     publish(folder, write, obsolete=SIGNATURES)
     return Certified(document, folder)
@@ -170,7 +170,7 @@ def certified(sources: Sources, issued: Issue, header: InputFile, forms: Forms, 
     signed
         Whether signatures stand beside it.
     """
-    inputs = [*sources.inputs, {"file": header.name, "what": HEADER_FILE, "sha256": header.sha256}]
+    inputs = [*sources.inputs, {"file": header.name, "what": Behind.HEADER, "sha256": header.sha256}]
     with told_in_one_line("this document has something else where a number or a name belongs", sources.of.path):
         return certificate_document(
             sources.of.document, [one.document for one in sources.reports], issued, version=__version__, inputs=inputs,

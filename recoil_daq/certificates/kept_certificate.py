@@ -11,13 +11,17 @@ from recoil_acquisition.files.regular_file import require_name
 from recoil_acquisition.shot.shot import InputFile
 from recoil_daq.certificates.certificate import FILES, SIGNED, certificate_pages, certified
 from recoil_daq.certificates.signature import NOBODY, SUFFIX, State, Trust
-from recoil_daq.certificates.sources import SHOT_FILE, Sealed, Sources, candidates, found_by_digest
+from recoil_daq.certificates.sources import Sealed, Sources, candidates, found_by_digest
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.reproduction.ingredient import Ingredient, digest_differences
 from recoil_daq.reports.reproduction.kept_document import Again, KeptDocument
-from recoil_daq.reports.stored_shot import HEADER_FILE
 from recoil_daq.terminal.result import Progress
-from recoil_identification.report.document.certificate_document import CERTIFICATE_FILE, LARGEST_CERTIFICATE, SCHEMA
+from recoil_identification.report.document.certificate_document import (
+    CERTIFICATE_FILE,
+    LARGEST_CERTIFICATE,
+    SCHEMA,
+    Behind,
+)
 from recoil_identification.report.document.reproduction import Comparison, Difference, NotCompared
 from recoil_identification.report.page.html import CERTIFICATE_PAGE
 from recoil_identification.report.paper.paper import CERTIFICATE_PDF
@@ -31,7 +35,7 @@ class KeptCertificate(KeptDocument):
     Attributes
     ----------
     trust
-        What the reader takes its signatures for.
+        Knowledge of the reader on whose its signatures should be.
     """
 
     trust: Trust = NOBODY
@@ -95,7 +99,7 @@ class KeptCertificate(KeptDocument):
                 remedy="give the folder of the one that was with --shots, or make the certificate anew",
             )  # fmt: skip
         sources = Sources.behind(Sealed.read(path), folders)
-        header = next((one for one in self.inputs if one.source == HEADER_FILE), None)
+        header = next((one for one in self.inputs if one.source == Behind.HEADER), None)
         forms = Forms.of_document(self.document)
         if header is None or forms is None:
             raise ReadError("this certificate does not say of what it was made", path=self.path, remedy=self.anew)
@@ -134,7 +138,7 @@ class KeptCertificate(KeptDocument):
         """Compare the shot files behind it with the digests that it states, and name those that are not here."""
         found: list[Difference | NotCompared | str] = []
         for one in self.inputs:
-            if one.source != SHOT_FILE:
+            if one.source != Behind.SHOT:
                 continue
             there = list(candidates(one.name, self.home, folders))
             if not there:
@@ -146,6 +150,6 @@ class KeptCertificate(KeptDocument):
 
     def _ingredients(self, beside: Path, folders: Sequence[Path]) -> Iterator[Ingredient]:
         for one in self.inputs:
-            lasting = one.source != HEADER_FILE
+            lasting = one.source != Behind.HEADER
             paths = tuple(candidates(one.name, self.home, (*folders, beside))) if lasting else ()
             yield Ingredient(one.name, one.sha256, paths, "not here: what it said is in the certificate")

@@ -53,7 +53,7 @@ class Verdict(NamedTuple):
 
 @dataclass(frozen=True)
 class Signer:
-    """What signs files.
+    """Key or program that signs files.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Signer:
 
 @dataclass(frozen=True)
 class Trust:
-    """What a reader takes signatures for.
+    """Knowledge of a reader on whose a signature should be.
 
     Attributes
     ----------
@@ -236,7 +236,10 @@ def _verify(certificate: Certificate, signer: Any, digest: str, signed: bytes) -
     from cryptography.hazmat.primitives import hashes
     from cryptography.hazmat.primitives.asymmetric import ec, padding, rsa
 
-    hashed = {"sha256": hashes.SHA256, "sha384": hashes.SHA384, "sha512": hashes.SHA512}[digest]()
+    known: dict[str, hashes.HashAlgorithm] = {
+        "sha256": hashes.SHA256(), "sha384": hashes.SHA384(), "sha512": hashes.SHA512(),
+    }  # fmt: skip
+    hashed = known[digest]
     key, signature = certificate.public_key(), signer["signature"].native
     if isinstance(key, rsa.RSAPublicKey):
         if signer["signature_algorithm"].signature_algo == "rsassa_pss":

@@ -1,4 +1,4 @@
-"""What a certificate rests on: the document that it is of, the reports of its shots, the shot files behind these."""
+"""Sources of a certificate: the document that it is of, the reports of its shots, the shot files behind these."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from recoil_acquisition.shot.shot import InputFile
 from recoil_daq.arguments import named_report
 from recoil_identification.report.document.campaign_document import CAMPAIGN_FILE, LARGEST_ANSWER
 from recoil_identification.report.document.campaign_document import SCHEMA as CAMPAIGN_SCHEMA
+from recoil_identification.report.document.certificate_document import Behind
 from recoil_identification.report.document.report_files import LARGEST_REPORT, REPORT_FILE, of_schema, seal_fault
 from recoil_identification.report.document.report_files import SCHEMA as REPORT_SCHEMA
 
@@ -25,7 +26,6 @@ KINDS = {
 """File of a document that a certificate can be of -> its schema, its largest size, and what it is called."""
 WITHIN = ("", "reports", "shots", "campaign", "campaign/reports")
 """Folders, in one that is looked through, in which documents and shot files usually stand."""
-SHOT_FILE = "shot file"
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,11 @@ class Sealed:
         if fault:
             raise ReadError(f"this {called} {fault}", path=path, remedy="make it anew, and look who changed it")
         return cls(path, hashlib.sha256(content).hexdigest(), document)
+
+    @property
+    def kind(self) -> Behind:
+        """Kind of the document."""
+        return Behind.ANSWER if self.document["schema"] == CAMPAIGN_SCHEMA else Behind.REPORT
 
     @property
     def named(self) -> str:
@@ -146,12 +151,12 @@ class Sources:
     @property
     def inputs(self) -> list[dict[str, str]]:
         """File, kind and digest of each document, and of the shot file that each report says it was made of."""
-        found = [{"file": self.of.named, "what": KINDS[self.of.path.name][2], "sha256": self.of.sha256}]
+        found = [{"file": self.of.named, "what": self.of.kind, "sha256": self.of.sha256}]
         for one in self.reports:
             if one is not self.of:
-                found.append({"file": one.named, "what": KINDS[REPORT_FILE][2], "sha256": one.sha256})
+                found.append({"file": one.named, "what": one.kind, "sha256": one.sha256})
             shot_file = one.document["provenance"]["inputs"][0]
-            found.append({"file": str(shot_file["file"]), "what": SHOT_FILE, "sha256": str(shot_file["sha256"])})
+            found.append({"file": str(shot_file["file"]), "what": Behind.SHOT, "sha256": str(shot_file["sha256"])})
         return found
 
 
@@ -161,7 +166,7 @@ def candidates(file: str, home: Path, folders: Sequence[Path]) -> Iterator[Path]
     Parameters
     ----------
     file
-        Its name, with or without that of its folder.
+        Name of the file, with or without that of its folder.
     home
         Folder of the document; those above it are looked through, too.
 

@@ -61,4 +61,4 @@ def verdict_cell(valid: bool | None, *, deviates: bool = False, conformity: str 
         return "no report"
     if not valid:
         return "NOT VALID"
-    return ", ".join(filter(None, ("VALID", deviates and "deviates", conformity)))
+    return ", ".join(filter(None, ("VALID", "deviates" if deviates else "", conformity)))

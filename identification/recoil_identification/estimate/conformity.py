@@ -80,7 +80,7 @@ class Conformity:
 
     @property
     def word(self) -> Word:
-        """What the decision rule says; nothing is stated without an uncertainty."""
+        """The word by the decision rule; nothing is stated without an uncertainty."""
         if math.isnan(self.probability):
             return Word.NOT_STATED
         if isinstance(self.rule, str):

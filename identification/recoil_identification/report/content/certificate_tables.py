@@ -14,6 +14,7 @@ from recoil_identification.estimate.rounding import NO_NUMBER, fixed, plain, rou
 from recoil_identification.report.content.chosen_units import ChosenUnits
 from recoil_identification.report.content.section import Column, Section
 from recoil_identification.report.content.tables import PEAKS, conformity, within
+from recoil_identification.report.document.certificate_document import Behind
 
 Document = Mapping[str, Any]
 Row = dict[str, Any]
@@ -22,6 +23,13 @@ NOT_STATED = "not stated"
 """Words for what a header leaves open."""
 INFINITE = "∞"
 """Degrees of freedom of what is known as the normal distribution has it, or nearly so."""
+BEHIND = {
+    Behind.ANSWER: "answer of a campaign",
+    Behind.REPORT: "report of a shot",
+    Behind.SHOT: "shot file",
+    Behind.HEADER: "header file",
+}
+"""Kind of a file that a certificate rests on -> its words."""
 _OF_PEAKS = {key: (label, scale, unit) for key, label, scale, _, unit in PEAKS}
 
 
@@ -192,5 +200,6 @@ def deviations(document: Document) -> list[str]:
 def chain(document: Document) -> list[Row]:
     """One row for each file that the certificate rests on, with its digest."""
     return [
-        {"file": one["file"], "what": one["what"], "sha256": one["sha256"]} for one in document["provenance"]["inputs"]
+        {"file": one["file"], "what": BEHIND[Behind(one["what"])], "sha256": one["sha256"]}
+        for one in document["provenance"]["inputs"]
     ]

@@ -10,6 +10,7 @@ import datetime as dt
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from enum import StrEnum
 from typing import Any
 
 from recoil_acquisition.remark import Severity
@@ -27,6 +28,17 @@ CERTIFICATE_FILE = "certificate.json"
 SCHEMA = "recoil-daq/certificate/1"
 LARGEST_CERTIFICATE = 8_000_000
 """Bytes of a certificate.json, beyond which it is none."""
+
+
+class Behind(StrEnum):
+    """Kind of a file that a certificate rests on."""
+
+    ANSWER = "answer"
+    REPORT = "report"
+    SHOT = "shot"
+    HEADER = "header"
+
+
 ASKED = ("laboratory", "place", "number", "customer", "item", "received", "date", "approval", "operator")
 """Keys of a header for which ISO/IEC 17025:2017, 7.8.2.1, asks."""
 RELATES = "The results relate only to the items tested, which are the shots listed here, as they were fired."

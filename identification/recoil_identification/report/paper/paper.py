@@ -156,9 +156,10 @@ def _typeset(name: str, document: Document, figures: Sequence[Figure]) -> bytes:
 
 def _day_of(document: Document) -> str | None:
     """Return the date that the paper copy bears: of issue where a certificate states it, else of the shot."""
-    if document.get("schema") != CERTIFICATE:
-        return document.get("started")
-    return document["issued"].get("date") or document["first_fired"]
+    of_issue, day = None, document.get("started")
+    if document.get("schema") == CERTIFICATE:
+        of_issue, day = document["issued"].get("date"), document["first_fired"]
+    return str(of_issue or day) if of_issue or day else None
 
 
 def _head(head: Head) -> Part:

@@ -149,7 +149,7 @@ def conformity(row: Mapping[str, Any]) -> str:
 
 def verdict(row: Mapping[str, Any]) -> str:
     """Word whether a mass is valid, agrees with its specification, and conforms with its tolerance."""
-    return ", ".join(filter(None, (VERDICTS[row["valid"]], deviates(row) and "deviates", conformity(row))))
+    return ", ".join(filter(None, (VERDICTS[row["valid"]], "deviates" if deviates(row) else "", conformity(row))))
 
 
 def recording(row: Mapping[str, Any]) -> str:
