@@ -24,20 +24,21 @@ from recoil_identification.estimate.rounding import (
 from recoil_identification.report.content.chosen_units import ChosenUnits
 from recoil_identification.report.content.glossary import notation
 from recoil_identification.report.content.sentences import by_groups, specified
+from recoil_identification.shot.peaks import LABELS
 from recoil_rigs.tables.issue import GUARD_BAND, SIMPLE
 
 Report = Mapping[str, Any]
 Row = dict[str, Any]
 
 PEAKS = (
-    ("breech_pressure_pa", "peak breech pressure", 1e-6, 1, "MPa"),
-    ("brake_pressure_pa", "peak brake pressure", 1e-6, 2, "MPa"),
-    ("recuperator_pressure_pa", "peak recuperator pressure", 1e-6, 2, "MPa"),
-    ("recoil_acceleration_m_s2", "peak acceleration, filtered", 1.0, 0, "m/s²"),
-    ("recoil_velocity_m_s", "peak velocity", 1.0, 2, "m/s"),
-    ("recoil_travel_m", "recoil length", 1e3, 1, "mm"),
-    ("recoil_time_s", "time of recoil", 1e3, 1, "ms"),
-    ("impulse_n_s", "impulse of the driving force", 1e-3, 2, "kN s"),
+    ("breech_pressure_pa", LABELS["breech_pressure_pa"], 1e-6, 1, "MPa"),
+    ("brake_pressure_pa", LABELS["brake_pressure_pa"], 1e-6, 2, "MPa"),
+    ("recuperator_pressure_pa", LABELS["recuperator_pressure_pa"], 1e-6, 2, "MPa"),
+    ("recoil_acceleration_m_s2", LABELS["recoil_acceleration_m_s2"], 1.0, 0, "m/s²"),
+    ("recoil_velocity_m_s", LABELS["recoil_velocity_m_s"], 1.0, 2, "m/s"),
+    ("recoil_travel_m", LABELS["recoil_travel_m"], 1e3, 1, "mm"),
+    ("recoil_time_s", LABELS["recoil_time_s"], 1e3, 1, "ms"),
+    ("impulse_n_s", LABELS["impulse_n_s"], 1e-3, 2, "kN s"),
 )
 """Key, label, factor, decimals and unit."""
 NAMED = {SIMPLE: "simple acceptance", GUARD_BAND: "guard band w = U"}
