@@ -46,16 +46,16 @@ def tested(document: Document) -> str:
 
 
 def results(document: Document) -> list[Row]:
-    """One row for the mass, and of a single shot one for each quantity beside it."""
+    """One row for the mass, and one for each quantity beside it: of a shot, or the mean of those fired alike."""
     of_shot = document["of"] == "shot"
-    return [_result(document, one) for one in document["results"] if one["key"] == "mass" or of_shot]
+    return [_result(document, one) for one in document["results"] if one["shot"] is None or of_shot]
 
 
 def _result(document: Document, one: Mapping[str, Any]) -> Row:
     label, by, unit = _label(document, one["key"])
     value, expanded = _rounded(one, by)
     return {
-        "quantity": label,
+        "quantity": f"{label}, mean with {one['kind']}" if one.get("kind") else label,
         "value": value,
         "U": expanded,
         "k": NO_NUMBER if one["k"] is None else fixed(one["k"], 2),
@@ -89,7 +89,7 @@ def peaks_section(document: Document) -> tuple[Section, ...]:
     """Return the section of the quantities of a campaign's shots, a row a shot; none of a single shot."""
     if document["of"] == "shot":
         return ()
-    keys = list(dict.fromkeys(one["key"] for one in document["results"] if one["key"] != "mass"))
+    keys = list(dict.fromkeys(one["key"] for one in document["results"] if one["shot"] is not None))
     if not keys:
         return ()
     heads = {key: _label(document, key) for key in keys}
@@ -103,7 +103,7 @@ def peaks_section(document: Document) -> tuple[Section, ...]:
             one["shot"]: {"shot": one["shot"], **dict.fromkeys(keys, NO_NUMBER)} for one in stated["shots"]
         }
         for one in stated["results"]:
-            if one["key"] != "mass":
+            if one["shot"] is not None:
                 value, expanded = _rounded(one, heads[one["key"]][1])
                 cells[one["shot"]][one["key"]] = f"{value} ± {expanded}"
         return list(cells.values())

@@ -99,7 +99,7 @@ def certificate_document(
         "not_stated": [key for key in ASKED if key not in stated],
         "measurand": source.get("measurand"),
         "method": {"text": METHOD, "of_the_mass": mass.get("method", "all shots together")},
-        "results": [_mass(source, freedom), *(row for one in reports for row in _peaks(one))],
+        "results": [_mass(source, freedom), *_means(source), *(row for one in reports for row in _peaks(one))],
         "specification": {
             "value": None if specification is None else specification.mass_kg,
             "deviation_kg": None if specification is None else mass["value"] - specification.mass_kg,
@@ -160,6 +160,20 @@ def _mass(source: Document, freedom: float) -> dict[str, Any]:
         "mass", None, mass["value"], mass["u"], U=mass["U_kg"], k=factor, nu=freedom, interval=list(mass["U95"]),
         unit="kg",
     )  # fmt: skip
+
+
+def _means(source: Document) -> list[dict[str, Any]]:
+    """State the quantities over the shots of a campaign, of those that were fired alike."""
+    if "shots" not in source:
+        return []
+    return [
+        _result(
+            one["quantity"], None, one["value"], one["u"], kind=one["kind"],
+            U=None if one["U95"] is None else 0.5 * (one["U95"][1] - one["U95"][0]), k=one["coverage_factor"],
+            nu=one["degrees_of_freedom"], interval=one["U95"], unit=None,
+        )
+        for one in source.get("peaks") or ()
+    ]  # fmt: skip
 
 
 def _peaks(report: Document) -> list[dict[str, Any]]:
