@@ -469,15 +469,15 @@ _OF_A_CERTIFICATE = (
     Section(
         "calibrations",
         "Calibrations on the day of firing",
-        "The sensor of each channel that the result rests on: number of its calibration, relative standard uncertainty "
-        "u of its scale with k and degrees of freedom ν, and whether it was in force when the shots were fired.",
+        "The sensor of each channel that the result rests on: number of its calibration, relative uncertainty U = k u of "
+        "its scale as it is stated, degrees of freedom ν, and whether it was in force when the shots were fired.",
         (
             Column("channel", "Channel", "name"),
             Column("sensor", "Sensor"),
             Column("certificate", "Certificate"),
             Column("calibrated", "Calibrated"),
             Column("due", "Due"),
-            Column("u", "u", "number"),
+            Column("U", "U", "number"),
             Column("k", "k", "number"),
             Column("nu", "ν", "number"),
             Column("shots", "Shots", "long"),

@@ -125,6 +125,14 @@ class Issue(DeclaredTable):
             found.append(("logo", problem))
         return [Fault((key,), problem, FaultCode.CONTRADICTION) for key, problem in found]
 
+    @property
+    def shared_number(self) -> tuple[Fault, ...]:
+        """Number that would be that of every document."""
+        if self.number is None or _WORD.search(self.number):
+            return ()
+        problem = f"would stand on the report of every shot: write {SHOT} in it, or give it with --header"
+        return (Fault(("number",), problem, FaultCode.UNUSUAL),)
+
     def over(self, other: Issue) -> Issue:
         """Return both as one: what this one leaves out is the other's."""
         return Issue.model_validate(other.to_json() | self.to_json())

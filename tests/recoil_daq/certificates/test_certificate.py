@@ -46,7 +46,7 @@ decision_rule = "guard band"
 CHANNEL = {
     "channel": "p", "role": "breech_pressure", "quantity": "pressure", "unit": "Pa", "signal": "AI 1", "clock": "daq",
     "recorder": "dewetron", "model": "piezo", "serial": "4711", "certificate": "D-K-17", "calibrated": "2026-01-15",
-    "due": "2026-10-01", "range": [0.0, 2.5e8], "u": 0.005, "known_by": {}, "chain": {},
+    "due": "2026-10-01", "range": [0.0, 2.5e8], "u": 0.005, "known_by": {"U_rel": 0.0116, "k": 2.3, "nu": 9.0}, "chain": {},
 }  # fmt: skip
 SHOTS = campaign_of((0.0, 120.0) * 2, seed=4).shots
 pytestmark = pytest.mark.whole_way
@@ -385,9 +385,17 @@ def test_a_campaign_s_certificate_has_each_shot_and_takes_no_identity_over(combi
     assert [one["concession"] for one in document["shots"]] == [f"of {shot.name}" for shot in SHOTS]
     (calibration,) = document["calibrations"]
     assert (calibration["certificate"], calibration["in_force"]) == ("D-K-17", False)
+    assert (calibration["U_rel"], calibration["k"], calibration["nu"]) == (0.0116, 2.3, 9.0)
     assert "3 days before" in calibration["said"][0]
     text = " ".join(sheets_of(combined / "certificate"))
-    for said in ("K-autumn", "D-K-17", "200.0 ± 2.0", "800 ± –", "1 of 1 calibrations were not in force"):
+    for said in (
+        "K-autumn",
+        "D-K-17",
+        "1.2 % 2.3 9",
+        "200.0 ± 2.0",
+        "800 ± –",
+        "1 of 1 calibrations were not in force",
+    ):
         assert said in text
     assert checked(combined, Trust()).again
 

@@ -119,3 +119,9 @@ def test_a_number_has_the_name_of_its_document_and_no_other_document_takes_it_ov
     with pytest.raises(ReadError, match=r"has \{shot\}, and this document is of a campaign"):
         one.named(CAMPAIGN, "spring")
     assert one.of_another() == Issue(laboratory="North")
+
+
+def test_a_number_without_its_shot_in_a_rig_is_doubted():
+    (doubt,) = (one for one in rig_with('number = "TR-42"').warnings if "every shot" in str(one))
+    assert str(doubt).startswith("report.number")
+    assert not [one for one in rig_with('number = "TR-{shot}"').warnings if "every shot" in str(one)]

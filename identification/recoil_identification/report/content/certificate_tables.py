@@ -151,8 +151,7 @@ def calibrations(document: Document) -> list[Row]:
             "certificate": one["certificate"] or NOT_STATED,
             "calibrated": one["calibrated"] or NO_NUMBER,
             "due": one["due"] or NO_NUMBER,
-            "u": NO_NUMBER if one["u_rel"] is None else f"{significant(100 * one['u_rel'], 2)} %",
-            "k": fixed(one["k"], 2) if one["k"] else "1",
+            **_calibrated(one),
             "nu": INFINITE if one["nu"] is None else plain(one["nu"]),
             "shots": ", ".join(one["shots"]) if several and len(one["shots"]) < len(document["shots"]) else "",
             "in_force": {True: "in force", False: "; ".join(one["said"]), None: "not told by its dates"}[
@@ -161,6 +160,14 @@ def calibrations(document: Document) -> list[Row]:
         }
         for one in document["calibrations"]
     ]
+
+
+def _calibrated(one: Mapping[str, Any]) -> Row:
+    """Word what a calibration states: an expanded uncertainty with its factor, or a standard one, whose factor is 1."""
+    whole, k = (one["u_rel"], 1.0) if one["U_rel"] is None else (one["U_rel"], one["k"])
+    if whole is None:
+        return {"U": NO_NUMBER, "k": NO_NUMBER}
+    return {"U": f"{significant(100 * whole, 2)} %", "k": plain(k)}
 
 
 def conditions(document: Document) -> list[str]:

@@ -41,6 +41,8 @@ class Behind(StrEnum):
 
 ASKED = ("laboratory", "place", "number", "customer", "item", "received", "date", "approval", "operator")
 """Keys of a header for which ISO/IEC 17025:2017, 7.8.2.1, asks."""
+USUAL_K = 2.0
+"""Coverage factor of a calibration that states an expanded uncertainty and no other one."""
 RELATES = "The results relate only to the items tested, which are the shots listed here, as they were fired."
 """Statement of ISO/IEC 17025:2017, 7.8.2.1 l."""
 METHOD = (
@@ -243,7 +245,8 @@ def _calibrations(source: Document, by_name: Mapping[str, Document]) -> list[dic
             {
                 **{key: one[key] for key in ("channel", "role", "model", "serial", "certificate", "calibrated", "due")},
                 "u_rel": one["u"],
-                "k": known.get("k"),
+                "U_rel": known.get("U_rel"),
+                "k": known.get("k", USUAL_K) if "U_rel" in known else None,
                 "nu": known.get("nu"),
                 "shots": shots,
                 "in_force": False if faults else True if told else None,
