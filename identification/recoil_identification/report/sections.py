@@ -469,8 +469,8 @@ _OF_A_CERTIFICATE = (
     Section(
         "calibrations",
         "Calibrations on the day of firing",
-        "The sensor of each channel that the result rests on: number of its calibration, relative uncertainty U = k u of "
-        "its scale as it is stated, degrees of freedom ν, and whether it was in force when the shots were fired.",
+        "The sensor of each channel that the result rests on: number of its calibration, relative uncertainty U = k u "
+        "of its scale as it is stated, degrees of freedom ν, and whether it was in force when the shots were fired.",
         (
             Column("channel", "Channel", "name"),
             Column("sensor", "Sensor"),

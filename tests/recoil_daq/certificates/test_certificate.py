@@ -46,7 +46,8 @@ decision_rule = "guard band"
 CHANNEL = {
     "channel": "p", "role": "breech_pressure", "quantity": "pressure", "unit": "Pa", "signal": "AI 1", "clock": "daq",
     "recorder": "dewetron", "model": "piezo", "serial": "4711", "certificate": "D-K-17", "calibrated": "2026-01-15",
-    "due": "2026-10-01", "range": [0.0, 2.5e8], "u": 0.005, "known_by": {"U_rel": 0.0116, "k": 2.3, "nu": 9.0}, "chain": {},
+    "due": "2026-10-01", "range": [0.0, 2.5e8], "u": 0.005,
+    "known_by": {"U_rel": 0.0116, "k": 2.3, "nu": 9.0}, "chain": {},
 }  # fmt: skip
 SHOTS = campaign_of((0.0, 120.0) * 2, seed=4).shots
 pytestmark = pytest.mark.whole_way
