@@ -151,6 +151,9 @@ def test_each_point_of_iso_17025_7_8_stands_on_the_paper_and_each_sheet_bears_th
         assert "Certificate K-0001, issue 2" in sheet
         assert f"{number} of {len(sheets)}" in sheet
     assert len(sheets) <= 4
+    dated = PdfReader(io.BytesIO((made / "certificate" / "certificate.pdf").read_bytes())).metadata
+    assert dated is not None
+    assert str(dated.creation_date).startswith("2026-11-28")
 
 
 def _digit(path: Path, pattern: str) -> None:
@@ -294,6 +297,17 @@ def test_a_certificate_without_its_document_cannot_be_made_again_and_that_is_sai
     ran = CliRunner().invoke(app, ["explain", str(done / "certificate"), "--check"])
     assert ran.exit_code == 3
     assert "Traceback" not in ran.output
+
+
+def test_no_certificate_is_made_of_a_report_that_was_changed(done: Path) -> None:
+    _digit(done / "reports/0001/report.json", r'"U_kg": \d+\.\d{4}')
+    with pytest.raises(ReadError, match="was changed after it was written"):
+        certificate(done / "reports" / "0001", done / "header.toml", out=done / "changed")
+    with pytest.raises(ReadError, match="identify it first"):
+        certificate(done / "shots" / "0001.h5", done / "header.toml", out=done / "changed")
+    with pytest.raises(ReadError, match="neither a report nor the answer of a campaign"):
+        certificate(done / "shots", done / "header.toml", out=done / "changed")
+    assert not (done / "changed").exists()
 
 
 def test_a_shot_file_that_is_not_here_is_said_and_whose_signature_it_is_too(done: Path) -> None:

@@ -536,11 +536,11 @@ def rule_in_words(found: Mapping[str, Any]) -> str:
 
 
 def percent_of(share: float) -> str:
-    """Write a probability in percent; what is not certain is never written as 0 or 100."""
+    """Write a probability in percent: none is ever 0 or 100."""
     percent = 100.0 * share
-    if 0.0 < share < 1.0 and not 0.05 <= percent < 99.95:
-        return "less than 0.1" if percent < 50.0 else "more than 99.9"
-    return fixed(percent, 1)
+    if 0.05 <= percent < 99.95:
+        return fixed(percent, 1)
+    return "less than 0.1" if percent < 50.0 else "more than 99.9"
 
 
 def _limits(interval: Sequence[float | None] | None) -> tuple[float, float] | None:
