@@ -154,9 +154,11 @@ def calibrations(document: Document) -> list[Row]:
             **_calibrated(one),
             "nu": INFINITE if one["nu"] is None else plain(one["nu"]),
             "shots": ", ".join(one["shots"]) if several and len(one["shots"]) < len(document["shots"]) else "",
-            "in_force": {True: "in force", False: "; ".join(one["said"]), None: "not told by its dates"}[
-                one["in_force"]
-            ],
+            "in_force": {
+                True: "in force",
+                False: "; ".join(one["said"]),
+                None: "its dates, or the day of the shot, are not stated",
+            }[one["in_force"]],
         }
         for one in document["calibrations"]
     ]
