@@ -53,6 +53,7 @@ from recoil_identification.shot.stress_waves import StressWaves
 from recoil_processing.shot.error_source import ErrorSource
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.rig_correction import Correction
+from recoil_rigs.tables.calibration_day import CalibrationDay
 from recoil_rigs.tables.issue import NOTHING_STATED, Issue
 from recoil_rigs.tables.rig_tables import GAUGE_ROLES
 
@@ -124,6 +125,7 @@ def report_document(
         "shot": shot.name,
         "rig": shot.rig_name,
         **started(shot),
+        "calibration_day": CalibrationDay.of_shot(shot).to_json(),
         "shot_log": None if row is None else row.to_json(),
         "corrections": [one.to_json() for one in corrections],
         "measurand": MEASURAND,
