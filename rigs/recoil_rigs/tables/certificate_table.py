@@ -49,6 +49,7 @@ COLUMNS: Mapping[str, str] = {
     "range_high": "upper end of the range",
     "U_percent": "expanded uncertainty of the sensitivity, percent",
     "k": "coverage factor of U_percent, mostly 2",
+    "nu": "degrees of freedom of U_percent / k, where the certificate states them",
     "calibrated": "date of the certificate, such as 2026-03-01 or 01.03.2026",
     "due": "date by which it is to be calibrated again",
     "calibration": "static or dynamic: found at rest, or in pulses like a shot's",
@@ -80,7 +81,7 @@ _TEXTS = (
 _DATES = ("calibrated", "due")
 _WHOLE = ("filter_order",)
 _SIGNED = ("range_low", "range_high", "zero_volts")
-_POSITIVE = ("sensitivity", "k", "amplifier", "filter_hz", "filter_order")
+_POSITIVE = ("sensitivity", "k", "nu", "amplifier", "filter_hz", "filter_order")
 _DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})", re.ASCII)
 """Dates as German spreadsheets write them; with slashes nobody knows which number is the day."""
 _CHOICES: Mapping[str, tuple[str, ...]] = {
@@ -90,7 +91,8 @@ _CHOICES: Mapping[str, tuple[str, ...]] = {
 MOST_LINES = 8
 """Number of further rows with the same fault that are named."""
 _PAIRS = (
-    ("U_percent", "k"), ("k", "U_percent"), ("range_low", "range_high"), ("range_high", "range_low"),
+    ("U_percent", "k"), ("k", "U_percent"), ("nu", "U_percent"), ("range_low", "range_high"),
+    ("range_high", "range_low"),
     ("sensitivity", "sensitivity_unit"), ("sensitivity_unit", "sensitivity"), ("range_high", "unit"),
     ("zero_volts", "sensitivity"),
     ("u_reference_percent", "reference"), ("filter_type", "filter_hz"), ("filter_order", "filter_type"),
@@ -146,7 +148,7 @@ class Certificate:
         found: dict[str, Any] = {key: cells[key] for key in ("model", "serial", *_DATES) if key in cells}
         if "U_percent" in cells:
             found["u_rel"] = _rounded(cells["U_percent"] / cells["k"] / 100.0)
-        found |= {key: cells[key] for key in ("calibration", "reference") if key in cells}
+        found |= {key: cells[key] for key in ("nu", "calibration", "reference") if key in cells}
         for column, key in (("u_reference_percent", "u_reference_rel"), ("zero_percent", "u_zero_rel")):
             if column in cells:
                 found[key] = _rounded(cells[column] / 100.0)
@@ -395,7 +397,7 @@ def other_certificates(channels: Sequence[ChannelSpec], path: Path) -> list[Faul
         one = certificate_for(certificates, serial=serial, signal=channel.signal, quantity=channel.quantity)
         if one is None or not serial:
             continue
-        stated = {key: getattr(sensor, key) for key in ("calibrated", "due", "u_rel", "calibration")}
+        stated = {key: getattr(sensor, key) for key in ("calibrated", "due", "u_rel", "nu", "calibration")}
         table = one.sensor(channel.unit)
         differing = [key for key, value in stated.items() if key in table and table[key] != value]
         if differing:

@@ -132,8 +132,8 @@ def report_document(
         "mass": {
             "value": estimate.mass_kg,
             "u": estimate.u_kg,
-            "U95": list(estimate.interval_kg),
-            "U_kg": estimate.coverage_factor * estimate.u_kg,
+            "U95": list(found.interval_kg),
+            "U_kg": found.expanded_kg,
             "u_all_read": found.u_all_read_kg,
             "unit": "kg",
             "specification": found.specification.mass_kg,
@@ -382,13 +382,14 @@ def _uncertainty(found: Identification) -> dict[str, Any]:
     said: dict[str, Any] = {
         "degrees_of_freedom": estimate.degrees_of_freedom,
         "coverage": COVERAGE,
-        "coverage_factor": estimate.coverage_factor,
-        "U_kg": estimate.coverage_factor * estimate.u_kg,
+        "coverage_factor": found.expanded_kg / estimate.u_kg,
+        "U_kg": found.expanded_kg,
+        "interval_by": found.interval_by,
         "frisch_bracket_kg": None if bracket is None else list(bracket),
         "monte_carlo": None,
     }
-    drawn = found.monte_carlo
-    if estimate.method == "calibrated" and drawn is not None:
+    drawn = found.distribution
+    if drawn is not None:
         low, high = drawn.differences(estimate.interval_kg)
         said["monte_carlo"] = {
             **stated(drawn, "draws", "seed"),
@@ -399,7 +400,7 @@ def _uncertainty(found: Identification) -> dict[str, Any]:
             "tolerance_kg": drawn.tolerance,
             "converged": drawn.converged,
             "difference_kg": [low, high],
-            "agrees": max(abs(low), abs(high)) <= drawn.tolerance + drawn.scatter,
+            "agrees": drawn.validates(estimate.interval_kg),
         }
     return said
 
