@@ -24,7 +24,12 @@ GUESS_REL = 0.25
 that somebody of experience sets (8 degrees of freedom)."""
 
 
-GUESS = Reliability(0.5 * GUESS_REL**-2, GUESS_REL)
+def known_to(u_rel: float) -> float:
+    """Return the degrees of freedom of a standard uncertainty that is known to a share (JCGM 100:2008, G.4.2)."""
+    return 0.5 * u_rel**-2
+
+
+GUESS = Reliability(known_to(GUESS_REL), GUESS_REL)
 """Knowledge of the uncertainty of what a rig does not state."""
 
 
