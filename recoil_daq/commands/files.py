@@ -197,13 +197,14 @@ def show(
 
 
 def export(
-    shot: Annotated[Path, typer.Argument(help="A shot file.", show_default=False)],
+    shot: Annotated[Path, typer.Argument(help="A shot file; of `gtc` a report, or its folder.", show_default=False)],
     format_name: Annotated[
         str,
         typer.Option(
             "--format",
-            help="Or what another package adds; csv and parquet are read again by `ingest`.",
-            metavar="mdf4|mat|uff58|tdms|parquet|csv|dewesoft-text",
+            help="Or what another package adds; csv and parquet are read again by `ingest`; gtc, of a report, is its "
+            "mass with its influences for the GUM Tree Calculator.",
+            metavar="mdf4|mat|uff58|tdms|parquet|csv|dewesoft-text|gtc",
             show_default=False,
         ),
     ],
@@ -237,8 +238,17 @@ def export(
     """Write a shot's channels in another format, verified, and say what is exact and what is lost."""
     from recoil_acquisition.exporters.table import exporter_names
 
+    if format_name == "gtc":
+        if channel or aligned or class_filter is not None or rate is not None:
+            raise typer.BadParameter("a report has no channels: gtc takes --out and --overwrite alone")
+        with Session(json, debug) as session:
+            from recoil_daq.reports.gtc_export import export_report
+
+            exported = export_report(shot, out=out, overwrite=overwrite)
+            session.finish(exported.to_json(), exported.show, OK)
+        return
     if format_name not in (names := exporter_names()):
-        raise typer.BadParameter(f"{format_name!r} is none of {', '.join(names)}")
+        raise typer.BadParameter(f"{format_name!r} is none of {', '.join((*names, 'gtc'))}")
     with Session(json, debug) as session:
         from recoil_acquisition.processes.reader_process import READER
 
