@@ -1,7 +1,8 @@
 """XML of a foreign hand, and its signature: what is read is what was signed, whole and not revoked.
 
-XML Signature Syntax and Processing (W3C) and XAdES (ETSI EN 319 132), checked by ``signxml``. Entities and document types
-are refused, nothing is loaded from anywhere, and where a document is signed, all that is read is of the signed part.
+XML Signature Syntax and Processing (W3C) and XAdES (ETSI EN 319 132), checked by ``signxml``. Entities and document
+types are refused, nothing is loaded from anywhere, and of a signed document all that is read is of the
+signed part.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def read_signed_xml(path: Path, what: str) -> SignedXml:
     DCC.check(path)
     content = read_small(path, LARGEST_BYTES, what)
     root = _parsed(content, path, what)
-    signatures = [one for one in root.iter(f"{_DS}Signature")]
+    signatures = list(root.iter(f"{_DS}Signature"))
     if not signatures:
         return SignedXml(root, None)
     if len(signatures) > 1:
@@ -173,7 +174,9 @@ def _revocations(signer: Certificate, signature: Any, path: Path) -> Iterator[tu
         yield from _listed(signer, base64.b64decode(text), said, path)
     for beside in sorted(path.parent.iterdir()):
         if beside.suffix.casefold() in LISTS:
-            yield from _listed(signer, read_small(beside, LARGEST_BYTES, "a list of revoked certificates"), beside.name, beside)
+            yield from _listed(
+                signer, read_small(beside, LARGEST_BYTES, "a list of revoked certificates"), beside.name, beside
+            )
     for one in signature.iter(f"{_XADES}EncapsulatedOCSPValue"):
         try:
             response = ocsp.load_der_ocsp_response(base64.b64decode(one.text or ""))
