@@ -15,7 +15,7 @@ from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.report_folder import refuse_unwritable
 from recoil_daq.reports.stored_shot import StoredShot, read_stored
-from recoil_daq.terminal.result import MassResult, Progress
+from recoil_daq.terminal.result import MassResult, OfShot, Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.content.chosen_units import ChosenUnits
 from recoil_identification.report.document.document import report_document
@@ -42,7 +42,7 @@ FILES = (REPORT_FILE, TRACE_FILE, CURVES_FILE, PAGE_NAME, PDF_FILE)
 
 
 @dataclass(frozen=True, repr=False)
-class Reported(MassResult):
+class Reported(MassResult, OfShot):
     """A report and where it was written.
 
     Attributes
@@ -53,22 +53,6 @@ class Reported(MassResult):
         Folder that holds ``report.json``, ``report.html``, ``mass.csv`` and ``curves.csv``; ``report.pdf`` and
         ``figures`` where they were asked for. The script of the figures stands in the folder above it.
     """
-
-    @property
-    def shot(self) -> str:
-        """The shot's name."""
-        return str(self.document["shot"])
-
-    @property
-    def specification_kg(self) -> float:
-        """The specification mass."""
-        return float(self.document["mass"]["specification"])
-
-    @property
-    def rpe_percent(self) -> float | None:
-        """Equation (37) of the paper; None where no sample of the trace was identified."""
-        value = self.document["rpe_percent"]["value"]
-        return None if value is None else float(value)
 
     def show(self, told: set[str] | None = None) -> None:
         """Print the mass, its methods, and what speaks against it; what was told of methods before is left out."""

@@ -98,7 +98,7 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
         again, and those printed now are added.
     """
     from recoil_identification.report.content.sentences import by_groups
-    from recoil_identification.report.content.tables import logged
+    from recoil_identification.report.content.tables import logged, peaks
 
     d = document
     notes = {m["name"]: m["note"] for m in d["methods"] if told is None or m["note"] not in told}
@@ -141,6 +141,7 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
         say_once((f"it is {d['measurand']}",), told)
     if parts := by_groups(d):
         say(parts)
+    say("; ".join(f"{label}: {text}" for label, text in peaks(d)))
     if d["constancy"] is not None:
         say(d["constancy"]["detail"])
     if rpe["value"] is not None:

@@ -20,6 +20,9 @@ LEAST_REDUNDANCY = 1e-4
 """Share of a prior's variance below which everything else says nothing about a prior, and it has no normalised
 residual: what could be seen there would be off by more than three hundred standard uncertainties."""
 
+ROWS = "random errors of this shot"
+"""Name of what the errors of the rows contribute."""
+
 
 def residual_against_none(normalised_residual: float, pull: float) -> float:
     """Return the distance from zero of what all else says of a source, over its own standard deviation.
@@ -98,6 +101,26 @@ class Estimate(ReadOnlyArrays):
     def contribution(self, source: str, name: str) -> float:
         """Return by how much an unknown rises if a source's value rises by its standard uncertainty."""
         return float(self.contributions[self._place(name), self._source(source)])
+
+    def parts_of(self, slopes: Mapping[str, float]) -> dict[str, float]:
+        """Return what the sources contribute to a quantity, by name, that of the rows' errors under `ROWS`.
+
+        Their squares add up to the quantity's variance. Infinite where the quantity hangs on an unknown that nothing
+        determines.
+
+        Parameters
+        ----------
+        slopes
+            Derivatives of the quantity by the unknowns, by their names; 0 by the others.
+        """
+        slope = np.zeros(len(self.unknowns))
+        for name, one in slopes.items():
+            slope[self._place(name)] = one
+        if np.any(slope[~self.determined]):
+            return {ROWS: math.inf}
+        of_rows = float(np.linalg.norm(self.triangle[:, :-1] @ (self.covariance @ slope)))
+        parts = np.abs(slope @ self.contributions).tolist()
+        return {ROWS: of_rows, **dict(zip(self.sources, parts, strict=True))}
 
     def normalised_residual(self, source: str) -> float:
         """Return the normalised residual of a source."""

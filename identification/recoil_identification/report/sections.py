@@ -111,6 +111,22 @@ SHOT_SECTIONS: tuple[Section, ...] = (
         link="Methods",
     ),
     Section(
+        "peaks",
+        "Peaks, time and impulse",
+        "Largest values from the onset of force to the end of recoil travel, without what the fit of the mass found of "
+        "the sensors' scales and zeros; each with what contributes most to its uncertainty.",
+        (
+            Column("quantity", "Quantity", "name"),
+            Column("value", "Value", "number"),
+            Column("u", "u", "number"),
+            Column("interval", "95 % interval", "number"),
+            Column("unit", "Unit"),
+            Column("ruled_by", "Largest contribution", "long"),
+        ),
+        tables.peak_rows,
+        link="Peaks",
+    ),
+    Section(
         "budget",
         "Uncertainty budget",
         "Standard uncertainty of the mass from each source, the largest first: A by statistics of this shot, B by "
@@ -327,6 +343,27 @@ CAMPAIGN_SECTIONS: tuple[Section, ...] = (
         campaign_tables.next_steps,
     ),
     Section("curves", figure="curves"),
+    Section(
+        "peaks",
+        "Peaks, time and impulse over the shots",
+        "Of shots that were fired alike the mean and how far they scatter; U is that of the mean with 95 % coverage, k "
+        "its factor: by the scatter of so few shots, and by what all of them may be off by together.",
+        (
+            Column("quantity", "Quantity", "name"),
+            Column("kind", "Fired with"),
+            Column("shots", "Shots", "number"),
+            Column("value", "Mean", "number"),
+            Column("scatter", "Scatter", "number", "%"),
+            Column("u", "u", "number"),
+            Column("expanded", "U", "number"),
+            Column("factor", "k", "number"),
+            Column("unit", "Unit"),
+        ),
+        campaign_tables.peaks,
+        figure="peaks",
+        link="Peaks",
+        sparse=True,
+    ),
     Section(
         "before",
         "Sensors before the shot",

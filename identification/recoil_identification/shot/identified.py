@@ -68,6 +68,8 @@ class Options:
     ------
     ValueError
         If method or filter are unknown, or cut-off or window are not positive.
+    TypeError
+        If one of these is no number.
     """
 
     method: Method | None = None
@@ -87,6 +89,8 @@ class Options:
             raise ValueError(f"filter must be one of {', '.join(filter_names())}, not {self.filter!r}")
         for name in ("cutoff_hz", "window_s", "mass_cutoff_hz"):
             value = getattr(self, name)
+            if not isinstance(value, int | float | None):
+                raise TypeError(f"{name} must be a number, not {value!r}")
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be positive, not {value}")
 
@@ -219,6 +223,12 @@ class Identification(ReadOnlyArrays):
         if calibration.without_unread is calibration or self.route.method != calibration.estimate.method:
             return None
         return calibration.estimate.mass_kg * calibration.without_unread.inferred.u(MASS.name)
+
+    @property
+    def corrections(self) -> Calibration:
+        """Errors taken off the sensors: those by which they were to explain a mass that changes would hide it."""
+        constant = self.constancy is None or self.constancy.constant
+        return self.route.calibration if constant or self.constancy is None else self.constancy.changed
 
     @property
     def chosen(self) -> Result:

@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 
 from recoil_identification.inference.block import JointBlock, LinearBlock
 from recoil_identification.inference.correlation import Correlation
-from recoil_identification.inference.estimate import Estimate
+from recoil_identification.inference.estimate import ROWS, Estimate
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
 
@@ -95,6 +95,24 @@ def test_the_contributions_add_up_to_the_variance(seed: int) -> None:
     for at, name in enumerate(NAMES):
         total = found.u_random(name) ** 2 + float((found.contributions[at] ** 2).sum())
         assert total == pytest.approx(found.u(name) ** 2, rel=1e-9)
+
+
+@given(SEEDS)
+def test_the_parts_of_a_quantity_are_those_of_its_variance_by_sources(seed: int) -> None:
+    blocks, priors = problem(seed)
+    found = solve(UNKNOWNS, blocks, priors)
+    slope = np.array([0.0, -2.0, 0.5, 0.0])
+    parts = found.parts_of({"b": -2.0, "c": 0.5})
+    assert [*parts] == [ROWS, "p", "q", "r"]
+    assert sum(part**2 for part in parts.values()) == pytest.approx(float(slope @ found.covariance @ slope), rel=1e-8)
+    moved = solve(UNKNOWNS, blocks, [priors[0], replace(priors[1], values=priors[1].values + found.u_sources[2])])
+    assert abs(float(slope @ (moved.values - found.values))) == pytest.approx(parts["r"], rel=1e-6, abs=1e-9)
+
+
+def test_a_quantity_that_hangs_on_what_nothing_determines_is_infinitely_uncertain() -> None:
+    found = solve((Unknown("a"), Unknown("b")), [LinearBlock(("a",), np.ones((2, 1)), np.ones(2), 1.0)], [])
+    assert math.isinf(found.parts_of({"b": 1.0})[ROWS])
+    assert found.parts_of({"a": 1.0})[ROWS] == pytest.approx(found.u("a"))
 
 
 @pytest.mark.exhaustive

@@ -23,19 +23,20 @@ from recoil_identification.estimate.rounding import (
 from recoil_identification.report.content.chosen_units import ChosenUnits
 from recoil_identification.report.content.glossary import notation
 from recoil_identification.report.content.sentences import by_groups, specified
+from recoil_identification.shot.peaks import LABELS
 
 Report = Mapping[str, Any]
 Row = dict[str, Any]
 
 PEAKS = (
-    ("breech_pressure_pa", "peak breech pressure", 1e-6, 1, "MPa"),
-    ("brake_pressure_pa", "peak brake pressure", 1e-6, 2, "MPa"),
-    ("recuperator_pressure_pa", "peak recuperator pressure", 1e-6, 2, "MPa"),
-    ("recoil_acceleration_m_s2", "peak acceleration, filtered", 1.0, 0, "m/s²"),
-    ("recoil_velocity_m_s", "peak velocity", 1.0, 2, "m/s"),
-    ("recoil_travel_m", "recoil length", 1e3, 1, "mm"),
-    ("recoil_time_s", "time of recoil", 1e3, 1, "ms"),
-    ("impulse_n_s", "impulse of the driving force", 1e-3, 2, "kN s"),
+    ("breech_pressure_pa", LABELS["breech_pressure_pa"], 1e-6, 1, "MPa"),
+    ("brake_pressure_pa", LABELS["brake_pressure_pa"], 1e-6, 2, "MPa"),
+    ("recuperator_pressure_pa", LABELS["recuperator_pressure_pa"], 1e-6, 2, "MPa"),
+    ("recoil_acceleration_m_s2", LABELS["recoil_acceleration_m_s2"], 1.0, 0, "m/s²"),
+    ("recoil_velocity_m_s", LABELS["recoil_velocity_m_s"], 1.0, 2, "m/s"),
+    ("recoil_travel_m", LABELS["recoil_travel_m"], 1e3, 1, "mm"),
+    ("recoil_time_s", LABELS["recoil_time_s"], 1e3, 1, "ms"),
+    ("impulse_n_s", LABELS["impulse_n_s"], 1e-3, 2, "kN s"),
 )
 """Key, label, factor, decimals and unit."""
 CONFORMS = {True: "conforms", False: "does not conform", None: "neither is shown"}
@@ -90,19 +91,48 @@ def verdict(report: Report) -> Row:
 
 
 def peaks(report: Report) -> list[tuple[str, str]]:
-    """Label and text, with its unit, of the largest values of the shot, as far as it has them."""
-    known, chosen = report.get("peaks") or {}, ChosenUnits.of(report)
+    """Label and text, with its expanded uncertainty and unit, of the quantities of the shot, as far as it has them."""
+    known, intervals, chosen = report.get("peaks") or {}, report.get("peaks_U95") or {}, ChosenUnits.of(report)
     written = []
     for name, label, scale, decimals, unit in PEAKS:
         if known.get(name) is None:
             continue
         factor, other = chosen.factor(unit)
         value = scale * known[name]
+        if (interval := intervals.get(name)) is not None:
+            half = 0.5 * scale * factor * (interval[1] - interval[0])
+            text, spread = rounded(factor * value, half)
+            written.append((label, f"{text} ± {spread} {other}"))
+            continue
         # in another unit to as many digits as in its own
         digits = max(len(fixed(value, decimals).strip(f"{MINUS}0.").replace(".", "")), 1)
         text = fixed(value, decimals) if other == unit else significant(factor * value, digits)
         written.append((label, f"{text} {other}"))
     return written
+
+
+def peak_rows(report: Report) -> list[Row]:
+    """List the quantities that have an uncertainty, each with what contributes most to it."""
+    u, intervals, ruled = (report.get(key) or {} for key in ("peaks_u", "peaks_U95", "peaks_ruled_by"))
+    known, chosen, rows = report.get("peaks") or {}, ChosenUnits.of(report), list[Row]()
+    for name, label, scale, _, unit in PEAKS:
+        if u.get(name) is None or intervals.get(name) is None:
+            continue
+        factor, other = chosen.factor(unit)
+        by = scale * factor
+        value, spread = rounded(by * known[name], by * u[name])
+        low, high = (rounded(by * end, by * u[name])[0] for end in intervals[name])
+        rows.append(
+            {
+                "quantity": label,
+                "value": value,
+                "u": spread,
+                "interval": f"{low} to {high}",
+                "unit": other,
+                "ruled_by": ruled.get(name) or "",
+            }
+        )
+    return rows
 
 
 def started(report: Report) -> str | None:

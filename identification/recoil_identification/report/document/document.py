@@ -46,8 +46,9 @@ from recoil_identification.report.document.traceability import (
     rig_of,
     sensor_of_source,
 )
-from recoil_identification.shot.firing_record import CURVES, peaks_of
+from recoil_identification.shot.firing_record import CURVES
 from recoil_identification.shot.identified import Identification, Result
+from recoil_identification.shot.peaks import peaks_of
 from recoil_identification.shot.sensor_doubts import likeliest_sensor
 from recoil_identification.shot.stress_waves import StressWaves
 from recoil_processing.shot.error_source import ErrorSource
@@ -156,7 +157,7 @@ def report_document(
         "identified_share": chosen.trace.share,
         "trace": {"file": TRACE_FILE, "columns": list(TRACE_COLUMNS)},
         "curves": {"file": CURVES_FILE, "columns": ["time_s", *CURVES]},
-        "peaks": _peaks(found),
+        **_peaks(found),
         "baseline": [one.to_json() for one in found.baseline],
         "budget": budget_rows(
             estimate.budget,
@@ -287,12 +288,24 @@ def _mass_cutoff_hz(found: Identification) -> float | None:
     return None if found.route.method == "camera" else found.route.mass_low_pass.cutoff_hz
 
 
-def _peaks(found: Identification) -> dict[str, float | None]:
-    """Return the largest values of the shot; of a body on a line those of the pressures that it has not are None."""
-    known: dict[str, float | None] = {**peaks_of(found)}
-    if found.route.recorded.recoils_once:
-        return known
-    return dict.fromkeys((f"{role}_pa" for role in GAUGE_ROLES), None) | known
+def _peaks(found: Identification) -> dict[str, dict[str, Any]]:
+    """Return the quantities of the shot; of a body on a line those of the pressures that it has not are None."""
+    peaks = peaks_of(found)
+    told = {name: peak for name, peak in peaks.items() if math.isfinite(peak.u)}
+    names = [*peaks]
+    if not found.route.recorded.recoils_once:
+        names = [*dict.fromkeys((*(f"{role}_pa" for role in GAUGE_ROLES), *peaks))]
+
+    def by_name(values: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: values.get(name) for name in names}
+
+    return {
+        "peaks": by_name({name: peak.value for name, peak in peaks.items()}),
+        "peaks_u": by_name({name: peak.u for name, peak in told.items()}),
+        "peaks_u_shared": by_name({name: peak.u_shared for name, peak in told.items()}),
+        "peaks_U95": by_name({name: list(peak.interval) for name, peak in told.items()}),
+        "peaks_ruled_by": by_name({name: peak.ruled_by for name, peak in told.items()}),
+    }
 
 
 def _zero_shift(shift: ZeroShift | None) -> dict[str, Any] | None:

@@ -90,6 +90,7 @@ _U_OF_ROWS = Formula(
 _BAARDA = "W. Baarda, A testing procedure for use in geodetic networks, 1968: internal and external reliability"
 _CLOCK = "t_ref = (1 + drift) t_source + offset_s"
 _PEAK = "largest value from the onset of force to the end of recoil travel"
+_TAKEN_OFF = "without what the fit found of its sensors' scales and zeros"
 _FUSED = "A. W. Smyth and M. Wu, Mech. Syst. Signal Process. 21(2), 2007: camera and accelerometer together"
 _STUDENT = ("uncertainty.coverage_factor", "uncertainty.degrees_of_freedom")
 _EDGES = (
@@ -195,19 +196,33 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("budget.*.degrees_of_freedom", Formula(
         "1 / (2 r^2), r = 0.25 the share to which the u is known of what the rig does not state; nu of a certificate",
         "JCGM 100:2008 (GUM), G.4.2")),
-    ("peaks.*_pressure_pa", Formula(f"{_PEAK}, as recorded", "the channel of the shot file", ("interval_s",),
-                                    GAUGE_ROLES)),
-    ("peaks.recoil_acceleration_m_s2", Formula(f"{_PEAK} of |a|, behind the low-pass", "the channel of the shot file",
-                                               ("interval_s", "filter.cutoff_hz", "filter.half_order"),
+    ("peaks.*_pressure_pa", Formula(
+        f"{_PEAK} of a polynomial of degree 4 through the samples above 95 % of it, {_TAKEN_OFF}",
+        "the channel of the shot file", ("interval_s", "sensors"), GAUGE_ROLES)),
+    ("peaks.recoil_acceleration_m_s2", Formula(f"{_PEAK} of |a|, behind the low-pass, {_TAKEN_OFF}",
+                                               "the channel of the shot file",
+                                               ("interval_s", "filter.cutoff_hz", "filter.half_order", "sensors"),
                                                ("recoil_acceleration",))),
-    ("peaks.recoil_velocity_m_s", Formula(f"{_PEAK} of the velocity", _FUSED, ("interval_s",),
+    ("peaks.recoil_velocity_m_s", Formula(f"{_PEAK} of the velocity behind the low-pass, {_TAKEN_OFF}", _FUSED,
+                                          ("interval_s", "filter.cutoff_hz", "filter.half_order", "sensors"),
                                           ("recoil_acceleration", "recoil_displacement"))),
-    ("peaks.recoil_travel_m", Formula(f"{_PEAK} of the travel", _FUSED, ("interval_s",),
+    ("peaks.recoil_travel_m", Formula(f"{_PEAK} of the travel, {_TAKEN_OFF}", _FUSED, ("interval_s", "sensors"),
                                       ("recoil_acceleration", "recoil_displacement"))),
-    ("peaks.recoil_time_s", Formula("t1 - t0", "ends of the identification interval", ("interval_s",))),
-    ("peaks.impulse_n_s", Formula("sum of P dt, P the force that drives",
-                                  "the first force of equation (36) of the paper", ("interval_s",),
+    ("peaks.recoil_time_s", Formula(
+        f"t1 - t0 - v(t1) / a(t1), t0 half a sample before the identification interval begins and t1 its end, v "
+        f"{_TAKEN_OFF}", _FUSED,
+        ("interval_s", "sensors"))),
+    ("peaks.impulse_n_s", Formula(f"sum of P dt, P the force that drives, {_TAKEN_OFF}",
+                                  "the first force of equation (36) of the paper", ("interval_s", "sensors"),
                                   ("breech_pressure", "driving_force"), ("bore_area", "bore_friction"))),
+    ("peaks_u.*", Formula(
+        "sqrt(J S J' + u_o^2): J the derivatives by the unknowns of the fit, S their covariance, u_o of what it does "
+        "not hold: noise of the samples, and what camera and accelerometer leave of one another",
+        "JCGM 102:2011, 6.2", ("sensors", "correlations"))),
+    ("peaks_u_shared.*", Formula(
+        "part of u by what every shot of the same sensors, or of the same rig, has in common",
+        "JCGM 100:2008 (GUM), 5.2.4", ("peaks_u",))),
+    ("peaks_U95.*", Formula("value -+ 1.96 u", "JCGM 100:2008 (GUM), 6.2.1", ("peaks", "peaks_u"))),
     ("uncertainty.degrees_of_freedom", Formula("u^4 / sum(u_i^4 / nu_i)", "JCGM 100:2008 (GUM), (G.2b)", ("budget",))),
     ("uncertainty.coverage_factor", Formula("97.5 % quantile of Student's t", "JCGM 100:2008 (GUM), G.3.2",
                                             ("uncertainty.degrees_of_freedom",))),
@@ -288,6 +303,17 @@ _OF_SHOTS = Formula(
     ("common", "repeatability"),
 )
 """The mass of a campaign."""
+_PEAKS_OF_SHOTS = {
+    "value": Formula("sum of the shots' values over their number", "JCGM 100:2008 (GUM), 4.2.1", ("shots",)),
+    "scatter": Formula("standard deviation of the shots' values", "JCGM 100:2008 (GUM), 4.2.2", ("shots",)),
+    "u": Formula(
+        "sqrt(s^2 / n + u_c^2): s the scatter, or what the shots' own u leaves if that is larger, u_c the part of "
+        "u that they share", "JCGM 100:2008 (GUM), 4.2.3 and 5.2.4", ("shots",)),
+    "U95": Formula("value -+ coverage_factor u", "JCGM 100:2008 (GUM), 6.2.1"),
+    "degrees_of_freedom": Formula("u^4 / ((s^2 / n)^2 / (n - 1))", "JCGM 100:2008 (GUM), (G.2b)"),
+    "coverage_factor": Formula("97.5 % quantile of Student's t", "JCGM 100:2008 (GUM), G.3.2"),
+}  # fmt: skip
+"""The quantities of a campaign's shots."""
 _FACTOR_OF_SHOTS = Formula(
     "97.5 % quantile of the normal distribution: u is averaged over the scatters that the shots allow",
     "A. Gelman et al., Bayesian Data Analysis, 3rd edition 2013, section 13.1", ("repeatability",),
@@ -308,6 +334,8 @@ def formula_of(key: str, document: Mapping[str, Any]) -> Formula | None:
         return _OF_SHOTS if "shots" in document else _MASSES.get(document["mass"]["method"])
     if key == "uncertainty.coverage_factor" and "shots" in document:
         return _FACTOR_OF_SHOTS
+    if parts[0] == "peaks" and "shots" in document:
+        return _PEAKS_OF_SHOTS.get(parts[-1])
     if parts[0] == "methods" and parts[-1] == "mass_kg":
         return _MASSES.get(".".join(parts[1:-1]))
     if parts[0] == "alignment" and parts[-1] in ("offset_s", "u_offset_s", "drift", "u_drift"):

@@ -50,7 +50,7 @@ def row_of_report(report: Document) -> Row:
     """
     mass, reasons = report["mass"], [str(one) for one in report["reasons"]]
     reasons += filter(None, [calibrations_in_words(report)])
-    log, peaks = report.get("shot_log") or {}, report.get("peaks") or {}
+    log, peaks, u = (report.get(key) or {} for key in ("shot_log", "peaks", "peaks_u"))
     state, warnings = _recording(report)
     return {
         **dict.fromkeys(INDEX.cells),
@@ -67,6 +67,7 @@ def row_of_report(report: Document) -> Row:
         "E_n": _number(report.get("E_n")),
         "rpe_percent": _number(report["rpe_percent"]["value"]),
         **{name: _number(peaks.get(name)) for name in PEAK_KEYS},
+        **{f"u_{name}": _number(u.get(name)) for name in PEAK_KEYS},
     }
 
 
@@ -205,7 +206,7 @@ INDEX = ResultTable(
     ),
     (
         "shot", "rig", "started", *LOGGED, "state", "warnings", "valid", "reason", *MASS_KEYS, "specification_kg",
-        "E_n", "rpe_percent", *PEAK_KEYS, "report", "file",
+        "E_n", "rpe_percent", *PEAK_KEYS, *(f"u_{name}" for name in PEAK_KEYS), "report", "file",
     ),
     lambda row: {"page": row["report"], "aside": row["exclude"] is not None},
 )  # fmt: skip

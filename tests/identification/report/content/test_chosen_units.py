@@ -19,7 +19,7 @@ from recoil_identification.campaign.combination import combine
 from recoil_identification.estimate.rounding import MINUS, THIN, fixed, grouped
 from recoil_identification.report.content.chosen_units import ChosenUnits
 from recoil_identification.report.content.section import parts_of
-from recoil_identification.report.content.tables import peaks
+from recoil_identification.report.content.tables import peak_rows, peaks
 from recoil_identification.report.document.campaign_document import campaign_document
 from recoil_identification.report.figure.figure import Figure, HorizontalLine, Panel, Trace
 from recoil_identification.report.figure.figures import report_figures
@@ -72,6 +72,25 @@ def test_peaks_have_as_many_digits_in_other_units() -> None:
     other = dict(peaks(report | {"issued": {"units": CHOSEN}}))
     assert other["recoil length"] == "31.88 in"
     assert other["peak breech pressure"].startswith("1862")
+
+
+def test_a_peak_with_its_uncertainty_is_rounded_to_it_in_every_unit() -> None:
+    report = a_report(
+        peaks={"breech_pressure_pa": 128.43e6, "impulse_n_s": 7604.0},
+        peaks_u={"breech_pressure_pa": 0.5e6, "impulse_n_s": None},
+        peaks_U95={"breech_pressure_pa": [127.45e6, 129.41e6], "impulse_n_s": None},
+        peaks_ruled_by={"breech_pressure_pa": "breech_pressure dynamic scale", "impulse_n_s": None},
+    )
+    assert dict(peaks(report)) == {
+        "peak breech pressure": "128.43 ± 0.98 MPa", "impulse of the driving force": "7.60 kN s",
+    }  # fmt: skip
+    (row,) = peak_rows(report)
+    assert row == {
+        "quantity": "peak breech pressure", "value": "128.43", "u": "0.50", "interval": "127.45 to 129.41",
+        "unit": "MPa", "ruled_by": "breech_pressure dynamic scale",
+    }  # fmt: skip
+    other = dict(peaks(report | {"issued": {"units": ["bar"]}}))
+    assert other["peak breech pressure"] == "1284.3 ± 9.8 bar"
 
 
 def test_a_page_without_a_choice_is_in_si() -> None:
