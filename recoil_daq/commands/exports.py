@@ -59,7 +59,6 @@ def export(
 
             exported = export_report(shot, out=out, overwrite=overwrite)
             session.finish(exported.to_json(), exported.show, OK)
-        return
     if format_name not in (names := exporter_names()):
         raise typer.BadParameter(f"{format_name!r} is none of {', '.join((*names, 'gtc'))}")
     with Session(json, debug) as session:

@@ -80,7 +80,7 @@ class Laboratory:
     def signed(self, text: str = CERTIFICATE) -> bytes:
         """Sign a document, enveloped, as XAdES."""
         from lxml import etree
-        from signxml.xades import XAdESSigner
+        from signxml.xades.xades import XAdESSigner
 
         root = etree.fromstring(text.encode("utf-8"))
         signer: Any = XAdESSigner(signature_algorithm="ecdsa-sha256", digest_algorithm="sha256")

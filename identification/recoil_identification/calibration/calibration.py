@@ -336,7 +336,7 @@ class Calibration(ReadOnlyArrays):
         size = len(self.inferred.unknowns)
         return f"Calibration({in_kg(self.estimate.mass_kg, self.estimate.u_kg)}, {size} unknowns)"
 
-    def draws(self, known: Mapping[ErrorSource, Reliability] = MappingProxyType({})) -> Draw:
+    def draws(self, known: Mapping[str, Reliability] = MappingProxyType({})) -> Draw:
         """Return what draws masses, linearly in the logarithms of mass and scales.
 
         Parameters

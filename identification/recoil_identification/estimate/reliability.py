@@ -38,7 +38,7 @@ def reliabilities(rig: Rig) -> Mapping[ErrorSource, Reliability]:
     return dict(_guessed(rig)) | dict(_certified(rig))
 
 
-def of_sources(sources: Iterable[ErrorSource], rig: Rig) -> dict[ErrorSource, Reliability]:
+def of_sources(sources: Iterable[ErrorSource], rig: Rig) -> dict[str, Reliability]:
     """Return what is known of the uncertainties of some sources, those left out of which they are taken as known."""
     known = reliabilities(rig)
     return {source: found for source in sources if (found := reliability_of(source, known)) is not None}

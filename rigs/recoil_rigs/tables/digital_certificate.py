@@ -141,20 +141,21 @@ def _day(core: Any, path: Path) -> dt.date:
 
 def _sensitivity_cells(root: Any, path: Path) -> dict[str, Any]:
     """Return the one sensitivity of the results with its unit and its uncertainty."""
-    stated, others = {}, []
+    stated: dict[_Real, Sensitivity] = {}
+    others: list[str] = []
     for result in root.iterfind(f"{_NAMESPACE}measurementResults/{_NAMESPACE}measurementResult/{_NAMESPACE}results"):
         for number in _reals(result, path):
             sensitivity = _sensitivity(number.unit)
             if sensitivity is None:
                 others.append(number.unit)
             else:
-                stated.setdefault((number.value, number.unit, number.U, number.k), (number, sensitivity))
+                stated[number] = sensitivity
     if len(stated) != 1:
         units = ", ".join(dict.fromkeys(others)) or "none"
         found = f"{len(stated)} of them" if stated else f"results in {units}"
         expected = r"one, in a unit such as \milli\volt\per\mega\pascal"
         raise _fault(path, "it does not say what the sensor's sensitivity is", expected, found)
-    ((number, sensitivity),) = stated.values()
+    ((number, sensitivity),) = stated.items()
     if not (math.isfinite(number.value) and number.value > 0 and math.isfinite(number.U) and number.U >= 0 < number.k):
         found = f"{number.value:g} with U {number.U:g}, k {number.k:g}"
         raise _fault(path, "its sensitivity is none", "a positive number with its expanded uncertainty and k", found)
@@ -180,6 +181,9 @@ def _reals(results: Any, path: Path) -> Iterator[_Real]:
         several = "XMLList" if one.tag.endswith("XMLList") else ""
         if any(ancestor.tag == f"{_NAMESPACE}measurementMetaData" for ancestor in one.iterancestors()):
             continue  # limits and nominal values
+        parent = one.getparent()
+        if parent.tag == f"{_SI}hybrid" and parent.index(one):
+            continue  # the same in another unit
         values, units = (_words(one, f"{name}{several}") for name in ("value", "unit"))
         U = _words(one, f"uncertainty{several}") or _words(one, f"valueExpandedMU{several}")
         k = _words(one, f"coverageFactor{several}")

@@ -111,7 +111,7 @@ def _verified(content: bytes, signature: Any, signer: Certificate, tag: str, pat
     from cryptography.exceptions import UnsupportedAlgorithm
     from signxml.exceptions import InvalidCertificate, InvalidSignature, SignXMLException
     from signxml.verifier import SignatureConfiguration, XMLVerifier
-    from signxml.xades import XAdESVerifier
+    from signxml.xades.xades import XAdESVerifier
 
     verifier = XMLVerifier() if next(signature.iter(f"{_XADES}QualifyingProperties"), None) is None else XAdESVerifier()
     count = len(signature.findall(f"{_DS}SignedInfo/{_DS}Reference"))

@@ -116,6 +116,15 @@ def test_of_several_sensitivities_none_is_guessed(tmp_path: Path) -> None:
         read_digital_certificate(written(tmp_path, text))
 
 
+def test_the_same_sensitivity_in_another_unit_is_no_second_one(tmp_path: Path) -> None:
+    start = CERTIFICATE.index("<si:real>\n")
+    stop = CERTIFICATE.index("</si:real>", start) + len("</si:real>")
+    real = CERTIFICATE[start:stop]
+    other = real.replace("40.2<", "4.02<").replace("0.402<", "0.0402<").replace(r"\mega\pascal", r"\bar")
+    text = f"{CERTIFICATE[:start]}<si:hybrid>{real}{other}</si:hybrid>{CERTIFICATE[stop:]}"
+    assert read_digital_certificate(written(tmp_path, text)).cells["sensitivity_unit"] == "mV/MPa"
+
+
 BOMB = '<!DOCTYPE d [<!ENTITY a "V301"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>'
 
 
