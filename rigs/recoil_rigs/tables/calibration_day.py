@@ -124,7 +124,7 @@ def _what_day(document: Mapping[str, Any]) -> str:
     """Name the day that a report's calibrations, or those of a campaign's shots, are judged by."""
     said = [one["calibration_day"] for one in (document, *document.get("shots", ())) if one.get("calibration_day")]
     is_of_ingest = bool(said) and all(one["of"] == DayOf.INGEST for one in said)
-    return "ingest (nothing states when the shot was fired)" if is_of_ingest else "shot"
+    return "ingest" if is_of_ingest else "shot"
 
 
 def calibrations_in_words(document: Mapping[str, Any]) -> str:

@@ -64,7 +64,7 @@ def test_a_calibration_that_does_not_cover_the_day_of_a_shot_stands_in_the_head(
     document, page = page_of([replace(one, started=None, calibration_day=ingested) for one in shots])
     (told,) = (one["text"] for one in document["findings"] if one["code"] == "calibration" and one["about"] == "p")
     assert told == f"p: calibration was due 2026-03-01, 272 days before {ingested}"
-    assert "A calibration does not cover the day of the ingest (nothing" in PageElements(page).text
+    assert f"A calibration does not cover the day of the ingest: {told}" in PageElements(page).text
 
 
 def curves_of(k):
