@@ -15,7 +15,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from recoil_acquisition.errors import CorruptFileError
+from recoil_acquisition.errors import CorruptFileError, RecoilDaqError
 from recoil_acquisition.files.regular_file import read_beginning
 from recoil_acquisition.quantities.quantity import find_unit
 from recoil_rigs.tables.sensitivity import Sensitivity, sensitivity_from_text
@@ -73,7 +73,7 @@ def is_digital_certificate(path: Path) -> bool:
     """Whether a file is a digital certificate, by its name and its beginning; False where it cannot be read."""
     try:
         head = read_beginning(path, _HEAD_BYTES) if path.suffix.casefold() == SUFFIX else b""
-    except (OSError, ValueError):
+    except RecoilDaqError:
         return False
     return ROOT.encode() in head.replace(b"\0", b"")  # UTF-16 as well
 

@@ -171,7 +171,7 @@ def _revocations(signer: Certificate, signature: Any, path: Path) -> Iterator[tu
     inside = "a list in the document"
     lists = [(inside, one.text or "") for one in signature.iter(f"{_XADES}EncapsulatedCRLValue")]
     for said, text in lists:
-        yield from _listed(signer, base64.b64decode(text), said, path)
+        yield from _listed(signer, text.encode("ascii", "replace"), said, path)
     for beside in sorted(path.parent.iterdir()):
         if beside.suffix.casefold() in LISTS:
             yield from _listed(
@@ -193,8 +193,11 @@ def _listed(signer: Certificate, content: bytes, said: str, path: Path) -> Itera
     from cryptography import x509
 
     try:
-        load = x509.load_pem_x509_crl if content.lstrip().startswith(b"-----BEGIN") else x509.load_der_x509_crl
-        found = load(content)
+        if content.lstrip().startswith(b"-----BEGIN"):
+            found = x509.load_pem_x509_crl(content)
+        else:  # of a document in base64
+            der = content if content.startswith(b"\x30") and not content.isascii() else base64.b64decode(content)
+            found = x509.load_der_x509_crl(der)
     except ValueError as error:
         raise ReadError(
             "it is no list of revoked certificates", path=path, expected="a CRL, DER or PEM", found=str(error)

@@ -10,15 +10,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from recoil_identification.calibration.calibration import sources_of
 from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.estimate.mass import MassEstimate
-from recoil_identification.estimate.monte_carlo import IntervalBy, MonteCarlo
+from recoil_identification.estimate.monte_carlo import IntervalBy, MonteCarlo, propagate
 from recoil_identification.estimate.reliability import GUESS, of_sources, reliabilities, with_reliabilities
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Reliability, Unknown
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
+from recoil_processing.shot.sensor_scales import dynamic_scale
 from recoil_rigs.rig import Rig, load_rig, parse_rig
-from tests.builders.virtual_shots import identified
+from tests.builders.virtual_shots import identified, virtual_shot
 
 SHARE = ErrorSource(SourceKind.UNREAD_SHARE)
 SHAPE = ErrorSource(SourceKind.UNREAD_SHAPE, "", "3")
@@ -79,10 +81,21 @@ def test_draws_of_a_source_are_as_its_uncertainty_is_known(known: Reliability | 
     assert np.quantile(drawn, 0.975) == pytest.approx(end, abs=0.02)
 
 
+@pytest.mark.whole_way
 def test_the_reported_interval_is_that_of_the_draws_where_they_do_not_validate_the_other() -> None:
     found = identified()
     estimate, drawn = found.chosen.estimate, found.distribution
     assert isinstance(drawn, MonteCarlo)
+    freedom = {
+        name: {row.source: row.degrees_of_freedom for row in one.estimate.budget} for name, one in found.results.items()
+    }
+    assert freedom["calibrated"][dynamic_scale("breech_pressure")] == 8.0
+    # half of the variance of its whole scale is a guess that has 8: the other methods have no row of the parts
+    assert 16.0 <= freedom["reverse"][BREECH] <= 40.0
+    known = of_sources(sources_of(found.route.calibration.inferred), virtual_shot().rig)
+    assert found.chain is not None
+    plain, drawn_too = (propagate(found.chain.draws(found.route.calibration.draws(one))) for one in ({}, known))
+    assert drawn == drawn_too != plain  # of guesses the u is drawn, too
     low, high = estimate.interval_kg
     assert math.log(estimate.mass_kg / low) == pytest.approx(math.log(high / estimate.mass_kg), rel=1e-9)
     agreeing = replace(found, monte_carlo=replace(drawn, interval=(low, high)))

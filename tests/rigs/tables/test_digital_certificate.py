@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import datetime as dt
+import random
 from pathlib import Path
 
 import pytest
 
-from recoil_acquisition.errors import CorruptFileError, ReadError, RigError
+from recoil_acquisition.errors import CorruptFileError, ReadError, RecoilDaqError, RigError
 from recoil_rigs.tables.certificate_table import read_certificates
 from recoil_rigs.tables.digital_certificate import is_digital_certificate, read_digital_certificate
 
@@ -146,6 +147,25 @@ def test_a_signature_is_said_and_one_changed_digit_refused(tmp_path: Path) -> No
     for old, new in ((b"40.2<", b"41.2<"), (b"V301", b"V302"), (b"2026-03-01", b"2027-03-01")):
         with pytest.raises(CorruptFileError, match="it was changed after it was signed"):
             read_digital_certificate(written(tmp_path, signed.replace(old, new)))
+
+
+@pytest.mark.parametrize("signed", [False, True])
+def test_bytes_that_were_spoilt_anywhere_are_refused_or_change_nothing_of_a_signed_one(
+    tmp_path: Path, signed: bool
+) -> None:
+    whole = laboratory().signed() if signed else CERTIFICATE.encode("utf-8")
+    sound, rng = read_digital_certificate(written(tmp_path, whole)), random.Random(7)
+    for _ in range(60):
+        spoilt = bytearray(whole)
+        for _ in range(rng.choice((1, 1, 4))):
+            spoilt[rng.randrange(len(spoilt))] = rng.randrange(256)
+        cut = spoilt[: rng.randrange(len(spoilt))] if rng.random() < 0.2 else spoilt
+        try:
+            found = read_digital_certificate(written(tmp_path, bytes(cut)))
+        except RecoilDaqError:
+            continue
+        # a signature that was spoilt into something else is none, and that is said
+        assert not signed or found.cells == sound.cells or found.signer is None
 
 
 def test_another_document_around_the_signed_one_is_refused(tmp_path: Path) -> None:

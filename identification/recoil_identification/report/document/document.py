@@ -395,7 +395,7 @@ def _uncertainty(found: Identification) -> dict[str, Any]:
     said: dict[str, Any] = {
         "degrees_of_freedom": estimate.degrees_of_freedom,
         "coverage": COVERAGE,
-        "coverage_factor": found.expanded_kg / estimate.u_kg,
+        "coverage_factor": found.expanded_kg / estimate.u_kg if estimate.u_kg else estimate.coverage_factor,
         "U_kg": found.expanded_kg,
         "interval_by": found.interval_by,
         "frisch_bracket_kg": None if bracket is None else list(bracket),
