@@ -1,6 +1,6 @@
 """The paper copy of a report: head and sections of the page, without what only a screen can do.
 
-Rows that a page folds are counted, not listed.
+Rows that a page folds are counted, not listed, but those whose sum it states.
 """
 
 from __future__ import annotations
@@ -189,6 +189,7 @@ def _parts(part: Filled) -> Iterator[Part]:
     columns = [one for one in part.columns if one.kind not in SCREEN_ONLY]
     # the sum first: at the end it might stand alone on the next sheet
     listed = [*([{**part.total, "strong": True}] if part.total is not None else []), *part.rows]
+    listed += part.folded if part.rest is not None else ()
     rows = [_row([_cell(row.get(one.key, ""), one) for one in columns], strong=bool(row.get("strong"))) for row in listed]
     fired = [(number, one) for number, one in part.figures if _fired(one)]
     quiet = len(part.figures) - len(fired)
