@@ -59,7 +59,7 @@ def runs(pdf: bytes) -> Iterator[Run]:
 
 
 def beyond(pdf: bytes, margin_pt: float = 39.0) -> list[Run]:
-    """Return the letters that stand in the margins at the sides of a sheet, or beyond it; a blank at a line's end may."""
+    """Return the letters that stand in a sheet's margins at its sides, or beyond it; a blank at a line's end may."""
     sheets = [page.mediabox for page in PdfReader(io.BytesIO(pdf)).pages]
     return [
         one

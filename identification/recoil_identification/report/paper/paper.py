@@ -190,7 +190,9 @@ def _parts(part: Filled) -> Iterator[Part]:
     # the sum first: at the end it might stand alone on the next sheet
     listed = [*([{**part.total, "strong": True}] if part.total is not None else []), *part.rows]
     listed += part.folded if part.rest is not None else ()
-    rows = [_row([_cell(row.get(one.key, ""), one) for one in columns], strong=bool(row.get("strong"))) for row in listed]
+    rows = [
+        _row([_cell(row.get(one.key, ""), one) for one in columns], strong=bool(row.get("strong"))) for row in listed
+    ]
     fired = [(number, one) for number, one in part.figures if _fired(one)]
     quiet = len(part.figures) - len(fired)
     sentences = [part.caption] if part.caption else []

@@ -47,7 +47,13 @@ def head(document: Document) -> ResultHead:
     together = str(document["campaign"]["text"])
     words = (shot_index.summary(document), *([f"{together[:1].upper()}{together[1:]}."] if together else []))
     faults = tuple(one["error"] for one in document["failed"])
-    return ResultHead("Day at the range", ", ".join(document["rigs"]), words, bool(document["lost"]) or shot_index.head(document).doubtful, faults)
+    return ResultHead(
+        "Day at the range",
+        ", ".join(document["rigs"]),
+        words,
+        bool(document["lost"]) or shot_index.head(document).doubtful,
+        faults,
+    )
 
 
 def _campaign(document: Document) -> list[Row]:

@@ -136,7 +136,11 @@ def sum_row(document: Document) -> Row | None:
     rows, valid = document["shots"], document["counts"][VERDICTS[True]]
     if len(rows) < 2:
         return None
-    return {"shot": f"{len(rows)} shots", "verdict": f"{valid} valid", "tone": TONES[True if valid == len(rows) else None]}
+    return {
+        "shot": f"{len(rows)} shots",
+        "verdict": f"{valid} valid",
+        "tone": TONES[True if valid == len(rows) else None],
+    }
 
 
 def together(document: Document) -> list[str]:
