@@ -16,6 +16,7 @@ from recoil_acquisition.readers.recording import Recording as Recording
 from recoil_acquisition.shot.shot import Shot as Shot
 from recoil_acquisition.store import read_shot as read_shot
 from recoil_acquisition.store import write_shot as write_shot
+from recoil_daq.campaigns.campaign import CampaignDocument as CampaignDocument
 from recoil_daq.campaigns.campaign import Combined as Combined
 from recoil_daq.campaigns.campaign import campaign as campaign
 from recoil_daq.campaigns.prediction import Predicted as Predicted

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.regular_file import read_small
@@ -16,13 +17,14 @@ from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.shot.recorded_file import Double, doubles
 from recoil_acquisition.shot.shot import InputFile
 from recoil_daq.campaigns.history import History
+from recoil_daq.campaigns.in_memory import campaign_of_results, split_results
 from recoil_daq.campaigns.sources import CampaignLogs, CampaignReport, Outdated, SharedCutoff, Source, sources_of
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.identify_folder import identify_shots, shared_options
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.report_folder import way_to_page
 from recoil_daq.reports.stored_shot import HEADER_FILE
-from recoil_daq.terminal.result import MassResult, Progress
+from recoil_daq.terminal.result import MassDocument, Progress
 from recoil_daq.version import __version__
 from recoil_daq.workers import Workers
 from recoil_identification.campaign.campaign import Campaign
@@ -37,6 +39,7 @@ from recoil_identification.report.document.campaign_document import (
     SCHEMA,
     TABLE_FILE,
     campaign_document,
+    campaign_table,
     with_history,
     write_campaign,
 )
@@ -53,20 +56,20 @@ from recoil_rigs.tables.specification import mass_decimals
 if TYPE_CHECKING:
     import pandas as pd
 
+    from recoil_daq.reports.result import Result
+
 REPORTS = "reports"
 """Folder, beside a campaign's answer, of the reports that were made for it."""
 
 
 @dataclass(frozen=True, repr=False)
-class Combined(MassResult):
-    """The answer of a campaign and where it was written; its mass is the mechanism's, without what was added to it.
+class CampaignDocument(MassDocument):
+    """The answer of a campaign; its mass is the mechanism's, without what was added to it.
 
     Attributes
     ----------
     document
         Contents of ``campaign.json``.
-    folder
-        Folder that holds ``campaign.json``, ``campaign.html`` with the script of its figures, and ``campaign.csv``.
     """
 
     @property
@@ -74,7 +77,8 @@ class Combined(MassResult):
         """One row a shot, as ``campaign.csv``."""
         import pandas as pd
 
-        return pd.read_csv(self.folder / TABLE_FILE, dtype={"shot": str, "configuration": str})
+        table = io.StringIO(campaign_table(self.document))
+        return pd.read_csv(table, dtype={"shot": str, "configuration": str})
 
     @property
     def common(self) -> pd.DataFrame:
@@ -83,20 +87,71 @@ class Combined(MassResult):
 
         return pd.DataFrame(self.document["common"])
 
+    @property
+    def peaks(self) -> pd.DataFrame:
+        """One row for each quantity of shots that were fired alike: mean, scatter, ``u`` and U95 of the mean, SI."""
+        import pandas as pd
+
+        return pd.DataFrame(self.document.get("peaks", ()))
+
     def show(self) -> None:
         """Print the mass, what changed, what was learnt of the sensors, and the shots."""
         from recoil_daq.terminal.campaign import print_campaign
 
-        print_campaign(self.to_json(), self.folder)
+        print_campaign(self.to_json(), None)
 
     def __repr__(self) -> str:
         verdict, places = "valid" if self.valid else "not valid", mass_decimals(self.u_kg)
-        return f"Combined({self.mass_kg:.{places}f} kg, u {self.u_kg:.{places}f} kg, {verdict} -> {self.folder})"
+        return f"{type(self).__name__}({self.mass_kg:.{places}f} kg, u {self.u_kg:.{places}f} kg, {verdict})"
+
+
+@dataclass(frozen=True, repr=False)
+class Combined(CampaignDocument):
+    """The answer of a campaign and where it was written.
+
+    Attributes
+    ----------
+    folder
+        Folder that holds ``campaign.json``, ``campaign.html`` with the script of its figures, and ``campaign.csv``.
+    """
+
+    folder: Path
+
+    def show(self) -> None:
+        """Print what `CampaignDocument.show` does, and where the page is."""
+        from recoil_daq.terminal.campaign import print_campaign
+
+        print_campaign(self.to_json(), self.folder)
+
+
+@overload
+def campaign(shots: Sequence[Result]) -> CampaignDocument: ...
+
+
+@overload
+def campaign(
+    shots: str | Path | Sequence[str | Path],
+    *,
+    reports: str | Path = ...,
+    log: str | Path | None = ...,
+    out: str | Path = ...,
+    cutoff_hz: float | None = ...,
+    rig: str | Path | None = ...,
+    workers: int | Workers | None = ...,
+    executor: Executor | None = ...,
+    pdf: bool = ...,
+    figures: bool = ...,
+    standalone: bool = ...,
+    overwrite: bool = ...,
+    header: str | Path | None = ...,
+    history: str | Path | None = ...,
+    progress: Progress = ...,
+) -> Combined: ...
 
 
 @on_one_thread
 def campaign(
-    shots: str | Path | Sequence[str | Path],
+    shots: str | Path | Sequence[str | Path] | Sequence[Result],
     *,
     reports: str | Path = "reports",
     log: str | Path | None = None,
@@ -112,18 +167,19 @@ def campaign(
     header: str | Path | None = None,
     history: str | Path | None = None,
     progress: Progress = lambda _: None,
-) -> Combined:
+) -> CampaignDocument:
     """Combine shots of one rig to one mass, and write ``campaign.json``, ``.html`` and ``.csv``.
 
     A shot whose report in `reports` is not of this shot file, this version or this cut-off is identified anew, and its
-    new report stands in ``out/reports``: what others made is left as it is. A shot that is made of recorded files of
+    new report stands in ``out/reports``: what others made is left as it is. Of results in memory nothing is written. A
+    shot that is made of recorded files of
     another one is set aside, whatever it is called. A run that was ended is taken up again by the next one, with the
     cut-off and the reports that are there.
 
     Parameters
     ----------
     shots
-        Shot files, reports (``report.json``), and folders of either.
+        Shot files, reports (``report.json``), and folders of either; or results in memory.
     reports
         Folder of the shots' reports, where there are any.
     log
@@ -164,12 +220,26 @@ def campaign(
         missing.
     IdentificationError
         If the shots cannot be combined, or of one of them no number can be given at all.
+    TypeError
+        If a shot is neither a file nor a result, or there are both.
+    ValueError
+        If an argument is given with results in memory that only files have.
     """
+    given = [shots] if isinstance(shots, str | Path) else list(shots)
+    results, listed = split_results(given)
+    if results:
+        of_files = {
+            "log": log, "cutoff_hz": cutoff_hz, "rig": rig, "workers": workers, "executor": executor, "pdf": pdf,
+            "figures": figures, "header": header, "history": history,
+        }  # fmt: skip
+        if stated_too := [name for name, value in of_files.items() if value not in (None, False)]:
+            raise ValueError(f"{', '.join(stated_too)}: of files alone, not of results in memory")
+        return CampaignDocument(campaign_of_results(results))
     output = Output(Path(out), pdf, figures, standalone, overwrite)
     output.refuse_missing_extra()
-    folder, listed = output.out, [shots] if isinstance(shots, (str, Path)) else list(shots)
+    folder = output.out
     output.refuse_unwritable(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE, CAMPAIGN_PDF))
-    sources = list(sources_of([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
+    sources = list(sources_of(listed, (Path(reports), folder / REPORTS)))
     # before any work: what is at fault leaves nothing behind
     stated = None if header is None else read_header(Path(header))
     earlier = None if history is None else History.read(Path(history), folder)
@@ -179,9 +249,9 @@ def campaign(
     refuse_too_few(len(sources), "; ".join([str(len(sources)), *told]))
     logs = CampaignLogs.of(None if log is None else Path(log), sources)
     kept = SharedCutoff.read(folder)
-    given = cutoff_hz if cutoff_hz is not None or kept is not None else _cutoff_hz_of(folder, sources)
-    if given is not None and (kept is None or kept.mass_cutoff_hz != given):
-        kept = SharedCutoff(None, given)
+    wanted_hz = cutoff_hz if cutoff_hz is not None or kept is not None else _cutoff_hz_of(folder, sources)
+    if wanted_hz is not None and (kept is None or kept.mass_cutoff_hz != wanted_hz):
+        kept = SharedCutoff(None, wanted_hz)
     with Workers.of(workers, executor) as crew:
         whole, notes = current_reports(sources, kept, folder, rig, crew, progress)
     for one in whole:

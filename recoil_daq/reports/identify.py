@@ -10,12 +10,13 @@ from typing import Any
 from recoil_acquisition.errors import IdentificationError, ReadError, StoreError
 from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_acquisition.shot.shot import InputFile, Shot
+from recoil_acquisition.store import shot_file_of
 from recoil_daq.arguments import named_shot
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.report_folder import refuse_unwritable
 from recoil_daq.reports.stored_shot import StoredShot, read_stored
-from recoil_daq.terminal.result import MassResult, Progress
+from recoil_daq.terminal.result import MassResult, OfShot, Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.content.chosen_units import ChosenUnits
 from recoil_identification.report.document.document import report_document
@@ -42,7 +43,7 @@ FILES = (REPORT_FILE, TRACE_FILE, CURVES_FILE, PAGE_NAME, PDF_FILE)
 
 
 @dataclass(frozen=True, repr=False)
-class Reported(MassResult):
+class Reported(MassResult, OfShot):
     """A report and where it was written.
 
     Attributes
@@ -53,22 +54,6 @@ class Reported(MassResult):
         Folder that holds ``report.json``, ``report.html``, ``mass.csv`` and ``curves.csv``; ``report.pdf`` and
         ``figures`` where they were asked for. The script of the figures stands in the folder above it.
     """
-
-    @property
-    def shot(self) -> str:
-        """The shot's name."""
-        return str(self.document["shot"])
-
-    @property
-    def specification_kg(self) -> float:
-        """The specification mass."""
-        return float(self.document["mass"]["specification"])
-
-    @property
-    def rpe_percent(self) -> float | None:
-        """Equation (37) of the paper; None where no sample of the trace was identified."""
-        value = self.document["rpe_percent"]["value"]
-        return None if value is None else float(value)
 
     def show(self, told: set[str] | None = None, *, whole: bool = True) -> None:
         """Print the mass, its methods, and what speaks against it, or its six lines; nothing that was told before."""
@@ -191,7 +176,7 @@ def write_report(
     identified(found)
     progress("report")
     forms = output.forms
-    document, files = reported(fired, found, InputFile.of(path), truth, forms)
+    document, files = reported(fired, found, shot_file_of(path), truth, forms)
     pages = report_pages(document, forms, found)
 
     def write(partial: Path) -> None:

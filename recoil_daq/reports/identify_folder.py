@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import IdentificationError, RecoilDaqError, StoreError
 from recoil_acquisition.numerics.linear_algebra import on_one_thread
@@ -23,6 +23,8 @@ from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.reports.targets import TargetReported, files_of, identify_targets
 from recoil_daq.terminal.result import Progress
 from recoil_daq.workers import Workers
+from recoil_identification.campaign.peaks import fired_alike
+from recoil_identification.report.results.shot_index import INDEX, row_of_report
 from recoil_identification.shot.default_method import default_method
 from recoil_identification.shot.filter_choice import campaign_band_hz, campaign_choice, force_band_hz, force_spectra
 from recoil_identification.shot.identified import Options
@@ -31,6 +33,10 @@ from recoil_processing.quality.repeatability import ShotPeaks, check_repeat_peak
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_processing.spectra.spectral_gap import ShotSpectrum
 from recoil_rigs.rig import find_rig
+from recoil_rigs.shots.fired_shot import FiredShot
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TOGETHER = ("shot", "rig", "mass", "E_n", "valid", "deviation", "reasons", "shot_log", "peak_acceleration")
 """Keys of a report by which several are judged and printed together."""
@@ -75,16 +81,20 @@ def shared_options(
         [path.name for path in paths],
         progress=progress,
     )
-    bands = dict(zip(paths, looked_at, strict=True))
+    return dict(zip(paths, options_of_bands(list(looked_at), options), strict=True))
+
+
+def options_of_bands(bands: Sequence[ShotBand], options: Options) -> list[Options]:
+    """Return the options of shots with one cut-off for all of a rig, by the spectra of all."""
     chosen: dict[str, tuple[CutoffChoice | None, float | None]] = {}
-    for rig in {band.rig for band in bands.values()}:
-        several = [band for band in bands.values() if band.rig == rig and band.spectra is not None]
+    for rig in {band.rig for band in bands}:
+        several = [band for band in bands if band.rig == rig and band.spectra is not None]
         if len(several) >= LEAST_SHOTS:
             choice = campaign_choice([band.spectra or {} for band in several])
             mass_hz = campaign_band_hz([band.band_hz for band in several if band.band_hz is not None], choice)
             chosen[rig] = choice, options.mass_cutoff_hz or mass_hz
-    found = {path: chosen.get(band.rig, (None, options.mass_cutoff_hz)) for path, band in bands.items()}
-    return {path: replace(options, campaign=one, mass_cutoff_hz=mass_hz) for path, (one, mass_hz) in found.items()}
+    found = [chosen.get(band.rig, (None, options.mass_cutoff_hz)) for band in bands]
+    return [replace(options, campaign=one, mass_cutoff_hz=mass_hz) for one, mass_hz in found]
 
 
 @dataclass(frozen=True)
@@ -108,7 +118,11 @@ class ShotBand:
 @on_one_thread
 def shot_band(path: Path, rig_file: str | Path | None = None) -> ShotBand:
     """Return what of a shot file a common cut-off is chosen by; errors as of `shared_options`."""
-    fired = read_stored(path, rig_file, judge=False)
+    return band_of(read_stored(path, rig_file, judge=False))
+
+
+def band_of(fired: FiredShot) -> ShotBand:
+    """Return what of a shot a common cut-off is chosen by."""
     rig_name = fired.shot.rig_name
     if default_method(fired) != "calibrated":
         return ShotBand(rig_name)
@@ -291,6 +305,18 @@ def identify_shots(
         raise missed[0]
 
 
+class Reports(tuple[Reported, ...]):
+    """Reports of several shots, in the order of their files."""
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """One row a shot, as ``index.csv`` has it: mass, u, verdict, what the log says, peaks and their u."""
+        import pandas as pd
+
+        rows = [{**row_of_report(one.document), "report": str(one.folder)} for one in self]
+        return pd.DataFrame(rows, columns=list(INDEX.cells))
+
+
 def identify_folder(
     folder: str | Path,
     *,
@@ -304,7 +330,7 @@ def identify_folder(
     workers: int | Workers | None = None,
     executor: Executor | None = None,
     progress: Progress = lambda _: None,
-) -> tuple[Reported, ...]:
+) -> Reports:
     """Identify every shot file of a folder, with one cut-off for all shots of a rig unless one is asked for.
 
     A shot file that is made of recorded files of another is set aside.
@@ -336,7 +362,7 @@ def identify_folder(
     with Workers.of(workers, executor) as crew:
         shared = shared_options(paths, options or Options(), rig=rig, workers=crew, progress=progress)
         done = identify_shots(shared, output, rig=rig, workers=crew, progress=progress)
-        return tuple(one.report for one in done if one.report is not None)
+        return Reports(one.report for one in done if one.report is not None)
 
 
 def _place(rig: str | Path | None, workers: Workers) -> Path | None:
@@ -367,20 +393,10 @@ def repeatability(documents: Sequence[Mapping[str, Any]]) -> dict[str, tuple[Ver
         if figures["recorded_m_s2"] is None or row.get("exclude") or not d.get("valid", True):
             continue
         one = ShotPeaks(d["shot"], figures["recorded_m_s2"], figures["filtered_m_s2"])
-        peaks.setdefault((d["rig"], _kind(row)), []).append(one)
+        peaks.setdefault((d["rig"], fired_alike(row)), []).append(one)
     rigs = [rig for rig, _ in peaks]
     return {
         rig if rigs.count(rig) == 1 else f"{rig}, {kind}": check_repeat_peaks(shots)
         for (rig, kind), shots in peaks.items()
         if len(shots) >= LEAST_SHOTS
     }
-
-
-def _kind(row: Mapping[str, Any]) -> str:
-    """Return how a shot was fired, as its row of the shot log has it."""
-    configuration, charge = (str(row.get(key) or "").strip() for key in ("configuration", "charge"))
-    added_kg = float(row.get("added_mass_kg") or 0.0)
-    parts = [f"configuration {configuration}"] if configuration else []
-    parts += [f"{added_kg:g} kg added" if added_kg else "nothing added"]
-    parts += [f"charge {charge}"] if charge else []
-    return ", ".join(parts)

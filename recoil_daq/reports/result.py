@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import hashlib
 import io
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.errors import StoreError
+from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.files.regular_file import read_small
 from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_acquisition.packages.extras import NOTEBOOK
 from recoil_acquisition.shot.shot import InputFile, Shot
+from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog
+from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.identify import FILES, report_pages, reported
 from recoil_daq.reports.output import Output
-from recoil_daq.reports.stored_shot import fired_in_memory
+from recoil_daq.reports.stored_shot import StoredShot, fired_in_memory
 from recoil_daq.reports.targets import find_target
-from recoil_daq.terminal.result import MassDocument
+from recoil_daq.terminal.result import OfShot
 from recoil_identification.report.document.report_files import (
     CURVES_FILE,
     LARGEST_CURVES,
@@ -48,12 +51,12 @@ if TYPE_CHECKING:
 
 IN_MEMORY = "in memory"
 """Reader of a shot that was identified without a file, among the inputs of its report."""
-SHEETS = ("mass", "budget", "trace", "curves", "methods", "correlation", "findings")
+SHEETS = ("mass", "peaks", "budget", "trace", "curves", "methods", "correlation", "findings")
 """Sheets of a workbook, in their order."""
 
 
 @dataclass(frozen=True, repr=False)
-class Result(MassDocument):
+class Result(OfShot):
     """A mass of one shot and all that is said of it, as a report has it.
 
     Attributes
@@ -62,18 +65,16 @@ class Result(MassDocument):
         Texts of the files that stand beside ``report.json``, by name.
     found
         Identification of the shot; None of a report that was read.
+    fired
+        Shot, its rig and what was added to it; None of a report that was read.
     targets
         Findings of the targets that were asked for, by name.
     """
 
     texts: Mapping[str, str]
     found: Identification | None = None
+    fired: StoredShot | None = None
     targets: Mapping[str, TargetResult] = field(default_factory=lambda: MappingProxyType({}))
-
-    @property
-    def shot(self) -> str:
-        """The shot's name."""
-        return str(self.document["shot"])
 
     @property
     def trace(self) -> pd.DataFrame:
@@ -152,7 +153,7 @@ class Result(MassDocument):
         return place
 
     def to_excel(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write mass, budget, trace, curves, methods, correlations and findings into a workbook, a sheet each.
+        """Write mass, peaks, budget, trace, curves, methods, correlations and findings into a workbook, a sheet each.
 
         Raises
         ------
@@ -167,7 +168,7 @@ class Result(MassDocument):
         head |= {"U95 low": low, "U95 high": high, "valid": self.valid, "shot": self.shot, "rig": self.document["rig"]}
         tables = (
             pd.DataFrame({"key": list(head), "value": list(head.values())}),
-            self.budget, self.trace, self.curves, self.methods, self.correlation, _rows(self.findings),
+            self.peaks, self.budget, self.trace, self.curves, self.methods, self.correlation, _rows(self.findings),
         )  # fmt: skip
         write_workbook(place, dict(zip(SHEETS, tables, strict=True)), overwrite=overwrite)
         return place
@@ -185,11 +186,19 @@ class Result(MassDocument):
 
 @on_one_thread
 def identify(
-    shot: Shot, rig: Rig | str | Path | None = None, options: Options | None = None, targets: Sequence[str] = ()
+    shot: Shot,
+    rig: Rig | str | Path | None = None,
+    options: Options | None = None,
+    targets: Sequence[str] = (),
+    *,
+    added_mass_kg: float | None = None,
+    u_added_mass_kg: float | None = None,
+    log: str | Path | None = None,
+    header: str | Path | None = None,
 ) -> Result:
     """Identify the mass of a shot in memory; nothing is written.
 
-    The specification is the rig's: what a shot log adds, `identify_file` takes.
+    The specification is the rig's, with what was added for the shot, as it is given here or stands in a shot log.
 
     Parameters
     ----------
@@ -201,27 +210,67 @@ def identify(
         Options of the command; None for its defaults.
     targets
         Names of `recoil_identification.targets.target_names` to be identified beside the mass.
+    added_mass_kg, u_added_mass_kg
+        Mass that was added to the recoiling part, negative if some was taken off, and its standard uncertainty; None
+        if nothing was added, or where the uncertainty is not known.
+    log
+        Shot log that says it, a file or the folder of ``shotlog.csv``; None for none.
+    header
+        Header file with the identity of the report, the keys of a rig's ``[report]``, which goes before the rig's.
 
     Raises
     ------
     TypeError
-        If the shot is a path.
+        If the shot is a path, or an added mass no number.
     ValueError
-        If a target is unknown.
+        If a target is unknown, the added mass is not finite, or it is given beside a log.
+    ReadError
+        If the log or the header is at fault, or the log has no row of the shot.
     RigError
         If the shot's rig is at fault, or the corrected one differs by more than corrections.
     IdentificationError
         If no number can be given at all.
     """
     if not isinstance(shot, Shot):
-        raise TypeError(f"a Shot is needed, as read_shot(..) returns it, not {type(shot).__name__}")
+        raise TypeError(f"shot must be a Shot, as read_shot(..) returns it, not {type(shot).__name__}")
     corrected = load_rig(rig) if isinstance(rig, str | Path) else rig
-    fired, wanted = fired_in_memory(shot, corrected), options or Options()
-    found = identify_shot(fired, wanted)
-    document, texts = reported(fired, found, _described(shot), forms=Forms.now())
-    case = Case(fired, wanted).with_agreeing_gauges() if targets else None
+    row = _row_of(shot.name, added_mass_kg, u_added_mass_kg, None if log is None else Path(log))
+    fired = fired_in_memory(shot, corrected, row, None if header is None else Path(header))
+    return identified_in_memory(fired, options or Options(), targets)
+
+
+def identified_in_memory(fired: StoredShot, options: Options, targets: Sequence[str] = ()) -> Result:
+    """Identify a shot as it was fired; errors as of `identify`."""
+    found = identify_shot(fired, options)
+    document, texts = reported(fired, found, _described(fired.shot), forms=Forms.now())
+    case = Case(fired, options).with_agreeing_gauges() if targets else None
     beside = {} if case is None else {name: find_target(name, fired, case) for name in targets}
-    return Result(document, texts, found, MappingProxyType(beside))
+    return Result(document, texts, found, fired, MappingProxyType(beside))
+
+
+def _row_of(shot: str, added_kg: float | None, u_added_kg: float | None, log: Path | None) -> ShotLogRow | None:
+    """Return what is said of a shot, by its caller or a log; None if nothing is."""
+    stated = {"added_mass_kg": added_kg, "u_added_mass_kg": u_added_kg}
+    for name, value in stated.items():
+        if not isinstance(value, int | float | None):
+            raise TypeError(f"{name} must be a number, not {value!r}")
+        if value is not None and not math.isfinite(value):
+            raise ValueError(f"{name} must be finite, not {value}")
+    if u_added_kg is not None and not u_added_kg >= 0:
+        raise ValueError(f"u_added_mass_kg must not be negative, not {u_added_kg}")
+    if log is not None:
+        if added_kg is not None or u_added_kg is not None:
+            raise ValueError("added_mass_kg and log both say what was added: give one of them")
+        path = log / SHOT_LOG if log.is_dir() else log
+        row = ShotLog.read(path, [shot]).row(shot) if path.exists() else None
+        if row is None:
+            missing = f"no row of shot {shot!r}" if path.exists() else "no such file"
+            raise ReadError(missing, path=path, remedy="give the log that has one, or added_mass_kg=")
+        return row
+    if added_kg is None and u_added_kg is None:
+        return None
+    row = ShotLogRow(shot, added_mass_kg=added_kg or 0.0)
+    return row if u_added_kg is None else replace(row, u_added_mass_kg=u_added_kg, u_added_mass_stated=True)
 
 
 def read_report(path: str | Path) -> Result:

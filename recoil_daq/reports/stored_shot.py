@@ -150,16 +150,29 @@ def read_stored_again(
     return _corrected(fired, bare, corrected, rig_file, judge=True)
 
 
-def fired_in_memory(shot: Shot, corrected: Rig | None = None) -> StoredShot:
-    """Return a shot as it was fired that is in memory, by its own rig or a corrected one; nothing was added to it.
+def fired_in_memory(
+    shot: Shot, corrected: Rig | None = None, row: ShotLogRow | None = None, header: Path | None = None
+) -> StoredShot:
+    """Return a shot as it was fired that is in memory, by its own rig or a corrected one.
+
+    Parameters
+    ----------
+    row
+        Row of a shot log that says what was added; None if nothing was added to it.
+    header
+        Header file with the identity of the report; None for that of the rig.
 
     Raises
     ------
     RigError
-        If the shot's rig is at fault, or the corrected one differs by more than corrections.
+        If the shot's rig is at fault, no recoiling part is left, or the corrected rig differs by more than corrections.
+    ReadError
+        If the header file is at fault.
     """
     bare = parse_rig(shot.rig_text, Path(f"rig of shot {shot.name}"), shot.databases or {}, refuse_doubts=False)
-    fired = StoredShot(shot, bare, None, None, ())
+    fired = _as_logged(shot, bare, row, judge=True)
+    if header is not None:
+        fired = replace(fired, header=read_header(header), header_file=InputFile.of(header, HEADER_FILE, "TOML"))
     if corrected is None:
         return fired
     text = corrected.text.encode("utf-8")

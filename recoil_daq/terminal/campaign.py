@@ -22,6 +22,7 @@ from recoil_identification.report.content.campaign_tables import (
     unread_force,
 )
 from recoil_identification.report.content.sentences import by_groups, specified
+from recoil_identification.report.content.tables import expanded_kg
 from recoil_identification.report.results.history import HISTORY
 from recoil_rigs.tables.calibration_day import calibrations_in_words
 from recoil_rigs.tables.specification import mass_decimals
@@ -30,7 +31,7 @@ MOST_STEPS = 3
 """Number of next steps that are printed."""
 
 
-def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
+def print_campaign(document: Mapping[str, Any], folder: Path | None) -> None:
     """Print the mass, what changed, what was learnt of the sensors, and the shots.
 
     Parameters
@@ -38,7 +39,7 @@ def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
     document
         Contents of ``campaign.json``.
     folder
-        Folder that holds the campaign's page.
+        Folder that holds the campaign's page; None where there is none.
     """
     from rich.text import Text
 
@@ -100,11 +101,12 @@ def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
     mass = d["mass"]
     low, high = mass["U95"]
     used, places = sum(shot["excluded"] is None for shot in d["shots"]), mass_decimals(mass["u"])
+    page = "" if folder is None else f" -> {visible(str(folder / 'campaign.html'))}"
     line = Text("VALID" if d["valid"] else "NOT VALID", style="bold green" if d["valid"] else "bold red")
     line.append(
-        f" mass {mass['value']:.{places}f} kg, u {mass['u']:.{places}f} kg, U {mass['U_kg']:.{places}f} kg "
+        f" mass {mass['value']:.{places}f} kg, u {mass['u']:.{places}f} kg, U {expanded_kg(mass):.{places}f} kg "
         f"(k = {COVERAGE_FACTOR:.2f}), 95 %: {low:.{places}f} to {high:.{places}f} kg, from {used} of "
-        f"{len(d['shots'])} shots -> {visible(str(folder / 'campaign.html'))}",
+        f"{len(d['shots'])} shots{page}",
         style="default not bold",
     )
     console = output_console()

@@ -6,7 +6,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Progress = Callable[[str], None]
 """Function that is called with each step towards a result, in words."""
@@ -108,9 +111,55 @@ class MassDocument(Printed):
         """
         return tuple(self.document.get("findings", ()))
 
+    @property
+    def specification_kg(self) -> float | None:
+        """The specification mass; None where there is none."""
+        value = self.document["mass"].get("specification")
+        return None if value is None else float(value)
+
+    @property
+    def E_n(self) -> float | None:
+        """Distance from the specification over the expanded uncertainty of both, k = 2; None where there is none."""
+        value = self.document.get("E_n", self.document["mass"].get("E_n"))
+        return None if value is None else float(value)
+
+    @property
+    def conformity(self) -> dict[str, Any] | None:
+        """Conformity with the tolerance of the mass; None where none is stated."""
+        return self.document.get("conformity")
+
     def to_json(self) -> dict[str, Any]:
         """Return the contents of the JSON file."""
         return self.document
+
+
+class OfShot(MassDocument):
+    """The mass of one shot and all that is said of it."""
+
+    @property
+    def shot(self) -> str:
+        """The shot's name."""
+        return str(self.document["shot"])
+
+    @property
+    def rpe_percent(self) -> float | None:
+        """Equation (37) of the paper; None where no sample of the trace was identified."""
+        value = self.document["rpe_percent"]["value"]
+        return None if value is None else float(value)
+
+    @property
+    def peaks(self) -> pd.DataFrame:
+        """Peaks, time and impulse: ``quantity``, ``value``, ``u``, ``low`` and ``high`` of 95 %, ``ruled_by``, SI."""
+        import pandas as pd
+
+        known, u, intervals, ruled = (
+            self.document.get(key) or {} for key in ("peaks", "peaks_u", "peaks_U95", "peaks_ruled_by")
+        )
+        rows = [
+            (name, value, u.get(name), *(intervals.get(name) or (None, None)), ruled.get(name))
+            for name, value in known.items()
+        ]
+        return pd.DataFrame(rows, columns=["quantity", "value", "u", "low", "high", "ruled_by"])
 
 
 @dataclass(frozen=True, repr=False)

@@ -1,4 +1,4 @@
-"""Whether peaks, time and impulse of virtual shots are as uncertain as they say, where zeros move and worlds are unkind."""
+"""Whether peaks, time and impulse of virtual shots, whose zeros move, are as uncertain as they say."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ from recoil_rigs.twin import simulate_shot
 from tests.builders.fired_quantities import fired_quantities
 from tests.builders.virtual_shots import with_twin
 
-SHOTS_OF_EACH = 15
+SHOTS_OF_EACH = 60
 GROUPS = (("mixed", True, 8100), ("mixed", False, 8200), ("field-2013", True, 8300), ("field-2013", False, 8400))
 """Rig, whether the world is no unkinder than the model, and first seed; no two shots share a draw."""
 MOVING = 0.001
 """Share of its range by which a gauge's zero moves."""
 COVERAGE = (0.90, 0.99)
-IMPULSE = 0.01
+WIDER = ("recoil_time_s",)
+"""Quantities that may be surer than they say: to a tenth of a millisecond it is a convention when force sets in."""
+IMPULSE, WITHIN = 0.01, 0.85
+"""Error of an impulse, and the share of shots that are within it: gauges of one per cent leave 0.6 % in the mean."""
 
 
 def test_each_quantity_is_as_uncertain_as_it_says(capsys, tmp_path: Path):
@@ -50,9 +53,10 @@ def test_each_quantity_is_as_uncertain_as_it_says(capsys, tmp_path: Path):
                 f"{100 * np.abs(wrong[quantity]).max():.2f} %",
                 end="",
             )
-        if not COVERAGE[0] <= held <= COVERAGE[1]:
+        if held < COVERAGE[0] or (held > COVERAGE[1] and quantity not in WIDER):
             faults.append(f"{quantity}: {held:.3f}")
     within = float(np.mean(np.abs(wrong["impulse_n_s"]) <= IMPULSE))
     with capsys.disabled():
         print(f"\nimpulse within 1 % in {within:.3f}")
     assert not faults
+    assert within >= WITHIN

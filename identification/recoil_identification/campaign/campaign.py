@@ -19,6 +19,7 @@ from recoil_identification.campaign.gauge_scales import GaugeScale
 from recoil_identification.campaign.influence import Influence
 from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.next_steps import NextStep, next_steps
+from recoil_identification.campaign.peaks import PeakOfShots
 from recoil_identification.campaign.suspects import SharedSuspicion
 from recoil_identification.estimate.budget import COVERAGE_FACTOR, BudgetRow, effective_degrees_of_freedom
 from recoil_identification.estimate.rounding import in_kg
@@ -176,7 +177,9 @@ class Campaign:
     changes
         Changes that nobody declared, the likeliest first.
     charts
-        Charts of the residuals and of each sensor; what they show says nothing against the mass.
+        Charts of the residuals, of each quantity and of each sensor; what they show says nothing against the mass.
+    peaks
+        Quantities of the shots that were used, by how these were fired.
     cutoff_hz
         Cut-off of all shots' rows; None where they have passed no low-pass.
     reasons
@@ -203,6 +206,7 @@ class Campaign:
     friction_scatter: tuple[float, float, float]
     changes: tuple[Change, ...]
     charts: tuple[Charted, ...]
+    peaks: tuple[PeakOfShots, ...]
     cutoff_hz: float | None
     reasons: tuple[Reason, ...]
     notes: tuple[Note, ...]

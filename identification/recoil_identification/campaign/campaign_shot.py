@@ -47,8 +47,9 @@ class CampaignShot:
         Reason of the shot log against its use; empty if nothing.
     log
         The shot's row of the shot log, cells by column.
-    peaks
-        Largest values of the shot, units in the names.
+    peaks, peaks_u, peaks_u_shared
+        Largest values of the shot, their standard uncertainties, and the parts of these that shots share; units in the
+        names. Only what its report states.
     baseline
         Reading of each sensor before the shot, and its noise.
     assumptions
@@ -79,6 +80,8 @@ class CampaignShot:
     excluded: str = ""
     log: Mapping[str, Any] = field(default_factory=dict)
     peaks: Mapping[str, float] = field(default_factory=dict)
+    peaks_u: Mapping[str, float] = field(default_factory=dict)
+    peaks_u_shared: Mapping[str, float] = field(default_factory=dict)
     baseline: tuple[Baseline, ...] = ()
     assumptions: tuple[Mapping[str, Any], ...] = ()
     valid: bool = True
@@ -100,7 +103,6 @@ class CampaignShot:
         """
         try:
             mass, stated, log = document["mass"], document.get("campaign"), document.get("shot_log") or {}
-            peaks = document.get("peaks") or {}
             started, cutoff_hz = document.get("started"), None if stated is None else stated.get("cutoff_hz")
             shot = cls(
                 name=str(document["shot"]),
@@ -115,7 +117,7 @@ class CampaignShot:
                 u_added_mass_kg=float(log.get("u_added_mass_kg", 0.0)),
                 excluded=str(log.get("exclude", "")),
                 log=dict(log),
-                peaks={str(name): float(value) for name, value in peaks.items() if value is not None},
+                **{key: _numbers(document.get(key)) for key in ("peaks", "peaks_u", "peaks_u_shared")},
                 baseline=tuple(Baseline.of_json(one) for one in document.get("baseline") or ()),
                 assumptions=tuple(
                     {key: str(one[key]) for key in ("quantity", "taken", "detail")}
@@ -136,7 +138,7 @@ class CampaignShot:
             raise ValueError(f"it started at {started!r}, with a cut-off of {cutoff_hz!r} Hz")
         if not isinstance(shot.valid, bool):
             raise ValueError(f"it is valid: {shot.valid!r}")
-        if not all(map(math.isfinite, shot.peaks.values())):
+        if not all(map(math.isfinite, (*shot.peaks.values(), *shot.peaks_u.values(), *shot.peaks_u_shared.values()))):
             raise ValueError("it has a peak that is not finite")
         if not (
             math.isfinite(shot.mass_kg) and math.isfinite(shot.u_kg) and shot.mass_kg > max(shot.added_mass_kg, 0.0)
@@ -166,6 +168,11 @@ class CampaignShot:
     def geometry(self) -> Mapping[str, float]:
         """Values of the mechanism with which it was found; empty without a summary."""
         return {} if self.summary is None else self.summary.geometry
+
+
+def _numbers(table: Mapping[str, Any] | None) -> dict[str, float]:
+    """Return the numbers of a report's table by name; those that it leaves open are not in it."""
+    return {str(name): float(value) for name, value in (table or {}).items() if value is not None}
 
 
 def _specification(mass: Mapping[str, Any], log: Mapping[str, Any]) -> Specification | None:

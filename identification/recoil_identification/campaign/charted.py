@@ -1,8 +1,8 @@
 """The quantities that are charted over the shots of a campaign, and the signals of their charts.
 
-Charted are the standardised residuals of the joint fit, and of each sensor what it read before the shot and how noisy
-it was: the masses themselves differ by charge and by what was added, the residuals do not. A chart asks for a look; it
-says nothing against the mass.
+Charted are the standardised residuals of the joint fit, by how much the peaks of each shot lie off those of the shots
+that were fired alike, and of each sensor what it read before the shot and how noisy it was: the masses themselves
+differ by charge and by what was added, the residuals do not. A chart asks for a look; it says nothing against the mass.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ class ChartedQuantity(StrEnum):
     """Quantity that is charted over the shots."""
 
     RESIDUAL = "residual"
+    PEAK = "off the mean of shots fired alike"
     ZERO = "zero before the shot"
     READING = "reading before the shot"
     NOISE = "noise before the shot"
@@ -48,7 +49,7 @@ class ChartedQuantity(StrEnum):
         return self.name.lower()
 
 
-RESIDUAL, ZERO, READING, NOISE = ChartedQuantity
+RESIDUAL, PEAK, ZERO, READING, NOISE = ChartedQuantity
 MOST_TOLD = 8
 """Shots that a sentence names."""
 MEANINGS = {MOVING_RANGE: "a jump from the shot before", EWMA_RULE: "the weighted average beyond its limits", **RULES}
@@ -164,6 +165,17 @@ def charted_residuals(shots: Sequence[str], residuals: Sequence[float]) -> tuple
         return ()
     individuals = individuals_chart(residuals)
     return (Charted(MASS, RESIDUAL, "", tuple(shots), individuals, ewma=ewma_chart(individuals)),)
+
+
+def charted_peaks(quantities: Iterable[tuple[str, Mapping[str, float]]]) -> tuple[Charted, ...]:
+    """Chart how far each quantity lies off its mean, percent by shot; of those that three or more shots have.
+
+    Parameters
+    ----------
+    quantities
+        Quantities in words, each with its values by shot in the order of firing.
+    """
+    return tuple(one for label, values in quantities for one in _charted(label, PEAK, "%", values, "%"))
 
 
 def charted_sensors(shots: Iterable[tuple[str, Sequence[Baseline]]]) -> tuple[Charted, ...]:

@@ -31,13 +31,14 @@ from recoil_identification.campaign.changes import (
     joint_fit_with_changes,
     normalised_residuals,
 )
-from recoil_identification.campaign.charted import charted_residuals, charted_sensors
+from recoil_identification.campaign.charted import charted_peaks, charted_residuals, charted_sensors
 from recoil_identification.campaign.constancy import changing_alone, shared_constancy
 from recoil_identification.campaign.gauge_scales import gauge_scales
 from recoil_identification.campaign.influence import Influence
 from recoil_identification.campaign.joint_fit import JointFit, by_the_weight, joint_fit
 from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.campaign.mechanisms import mechanisms_of
+from recoil_identification.campaign.peaks import apart_percent, peaks_of_shots
 from recoil_identification.campaign.suspects import SharedSuspicion, shared_suspicion
 from recoil_identification.campaign.suspicion import CERTIFIED, WRITTEN, Suspicion
 from recoil_identification.estimate.rounding import in_kg
@@ -119,6 +120,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         one for one in told if one.spread_rel * plain.mass_kg(rows.mechanisms[0])[0] > LITTLE * mechanisms[0].mass.u_kg
     ]
     reasons = [*(Reason(ReasonCode.BREECH_CHAIN, one.source, str(one).rstrip(".")) for one in by_much), *reasons]
+    peaks = peaks_of_shots(used)
     return Campaign(
         rig=ordered[0].rig,
         shots=in_campaign,
@@ -133,8 +135,10 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         changes=changes,
         charts=(
             *charted_residuals(list(residuals), list(residuals.values())),
+            *charted_peaks(apart_percent(peaks, [shot.name for shot in used])),
             *charted_sensors((shot.name, shot.baseline) for shot in ordered),
         ),
+        peaks=peaks,
         cutoff_hz=used[0].cutoff_hz,
         reasons=tuple(reasons),
         notes=(

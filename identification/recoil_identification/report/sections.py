@@ -348,6 +348,27 @@ CAMPAIGN_SECTIONS: tuple[Section, ...] = (
     ),
     Section("curves", figure="curves"),
     Section(
+        "peaks",
+        "Peaks, time and impulse over the shots",
+        "Of shots that were fired alike the mean and how far they scatter; U is that of the mean with 95 % coverage, k "
+        "its factor: by the scatter of so few shots, and by what all of them may be off by together.",
+        (
+            Column("quantity", "Quantity", "name"),
+            Column("kind", "Fired with"),
+            Column("shots", "Shots", "number"),
+            Column("value", "Mean", "number"),
+            Column("scatter", "Scatter", "number", "%"),
+            Column("u", "u", "number"),
+            Column("expanded", "U", "number"),
+            Column("factor", "k", "number"),
+            Column("unit", "Unit"),
+        ),
+        campaign_tables.peaks,
+        figure="peaks",
+        link="Peaks",
+        sparse=True,
+    ),
+    Section(
         "before",
         "Sensors before the shot",
         "Zero, or reading where the zero is not known, and noise in the silence before each shot, with control limits; "

@@ -68,6 +68,8 @@ class Options:
     ------
     ValueError
         If method or filter are unknown, or cut-off or window are not positive.
+    TypeError
+        If one of these is no number.
     """
 
     method: Method | None = None
@@ -87,6 +89,8 @@ class Options:
             raise ValueError(f"filter must be one of {', '.join(filter_names())}, not {self.filter!r}")
         for name in ("cutoff_hz", "window_s", "mass_cutoff_hz"):
             value = getattr(self, name)
+            if not isinstance(value, int | float | None):
+                raise TypeError(f"{name} must be a number, not {value!r}")
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be positive, not {value}")
 
@@ -222,7 +226,7 @@ class Identification(ReadOnlyArrays):
 
     @property
     def corrections(self) -> Calibration:
-        """What is taken off the sensors: sensors that were to explain a mass that changes would hide it."""
+        """Errors taken off the sensors: those by which they were to explain a mass that changes would hide it."""
         constant = self.constancy is None or self.constancy.constant
         return self.route.calibration if constant or self.constancy is None else self.constancy.changed
 

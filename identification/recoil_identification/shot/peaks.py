@@ -50,6 +50,19 @@ OF_TIME = (SourceKind.SKEW, SourceKind.DELAY, SourceKind.LINE, SourceKind.ALIGNM
 """Kinds of causes that move a peak and do not change it."""
 READING = (*OF_READING, SourceKind.BRIDGED_SHAPE)
 """Kinds of causes that are errors of a gauge's reading."""
+LABELS = {
+    "breech_pressure_pa": "peak breech pressure",
+    "brake_pressure_pa": "peak brake pressure",
+    "recuperator_pressure_pa": "peak recuperator pressure",
+    "recoil_acceleration_m_s2": "peak acceleration, filtered",
+    "recoil_velocity_m_s": "peak velocity",
+    "recoil_travel_m": "recoil length",
+    "recoil_time_s": "time of recoil",
+    "impulse_n_s": "impulse of the driving force",
+}
+"""Names of all quantities in words."""
+UNITS = dict(zip(LABELS, ("Pa", "Pa", "Pa", "m/s^2", "m/s", "m", "s", "N s"), strict=True))
+"""Their units."""
 NOISE, FUSION, ONSET = "noise of the samples", "camera and accelerometer together", "onset of force"
 """Names of the parts that the fit of the mass does not hold."""
 
@@ -64,15 +77,23 @@ class Peak:
         Value without the errors that were found of the sensors.
     parts
         Contributions to `u` by the names of their sources; their squares add up to its square.
+    shared
+        Names of those sources that are off alike in every shot of the same sensors, or of the same rig.
     """
 
     value: float
     parts: Mapping[str, float] = field(default_factory=dict)
+    shared: frozenset[str] = frozenset()
 
     @property
     def u(self) -> float:
         """Standard uncertainty, root sum of squares of the parts; infinite where there are none."""
         return math.hypot(*self.parts.values()) if self.parts else math.inf
+
+    @property
+    def u_shared(self) -> float:
+        """Contribution to `u` of the sources that shots share, which no number of shots averages out."""
+        return math.hypot(*(part for name, part in self.parts.items() if name in self.shared))
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -333,7 +354,7 @@ class _Quantities:
 
     @cached_property
     def _wrong_m_s(self) -> dict[str, Array]:
-        """What sizes of one add to the velocity, by the names of their unknowns."""
+        """Velocities that sizes of one add, by the names of their unknowns."""
         if self.found.route.fused is not None:
             return {name: np.gradient(bend, self._step_s) for name, bend in self._bends.items()}
         regression = self.calibration.block.regression
@@ -344,7 +365,7 @@ class _Quantities:
 
     @cached_property
     def _wrong_m(self) -> dict[str, Array]:
-        """What sizes of one add to the travel."""
+        """Travels that sizes of one add, likewise."""
         if self.found.route.fused is not None:
             return self._bends
         return {name: integrate(column, self._step_s) for name, column in self._wrong_m_s.items()}
@@ -390,7 +411,15 @@ class _Quantities:
 
     def _peak(self, value: float, slopes: Mapping[str, float], beside: Mapping[str, float]) -> Peak:
         parts = self.calibration.inferred.parts_of(slopes)
-        return Peak(value, parts | {name: math.hypot(parts.get(name, 0.0), u) for name, u in beside.items()})
+        parts |= {name: math.hypot(parts.get(name, 0.0), u) for name, u in beside.items()}
+        return Peak(value, parts, self._shared)
+
+    @cached_property
+    def _shared(self) -> frozenset[str]:
+        scopes = {one.name: one.scope for one in self.calibration.inferred.unknowns}
+        priors = (*self.calibration.common, *self.calibration.own)
+        shared = (prior.sources for prior in priors if scopes.get(prior.unknowns[0], "shot") != "shot")
+        return frozenset((CAMERA_SCALE, *(source for sources in shared for source in sources)))
 
 
 def _largest_at(values: Array, inside: Flags) -> int | None:

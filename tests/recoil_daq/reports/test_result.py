@@ -13,8 +13,11 @@ import pytest
 from recoil_acquisition.errors import ReadError, RigError, StoreError
 from recoil_acquisition.shot.shot import Shot
 from recoil_acquisition.store import write_shot
+from recoil_daq.campaigns.campaign import campaign
 from recoil_daq.reports.identify import Reported, identify_file
+from recoil_daq.reports.identify_folder import identify_folder
 from recoil_daq.reports.result import SHEETS, Result, identify, read_report
+from recoil_identification.shot.identified import Options
 from recoil_rigs.rig import parse_rig
 from tests.builders.virtual_shots import virtual_shot
 
@@ -175,3 +178,64 @@ def test_a_missing_library_is_named_with_what_to_install(
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(StoreError, match="pip install"):
         getattr(result, call)(*([tmp_path / "a.xlsx"] if call == "to_excel" else []))
+
+
+def test_what_was_added_is_in_the_specification(shot: Shot, result: Result, tmp_path: Path) -> None:
+    added = identify(shot, added_mass_kg=-10.0, u_added_mass_kg=0.05)
+    assert added.specification_kg == pytest.approx((result.specification_kg or 0.0) - 10.0)
+    assert added.document["mass"]["u_specification"] >= 0.05
+    (tmp_path / "shotlog.csv").write_text(f"shot,added_mass_kg,u_added_mass_kg\n{shot.name},-10,0.05\n", "utf-8")
+    for log in (tmp_path, tmp_path / "shotlog.csv"):
+        logged = identify(shot, log=log)
+        assert (logged.mass_kg, logged.specification_kg, logged.E_n) == (
+            added.mass_kg, added.specification_kg, added.E_n,
+        )  # fmt: skip
+
+
+def test_a_wrong_argument_is_named(shot: Shot, tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="added_mass_kg must be a number, not '3'"):
+        identify(shot, added_mass_kg="3")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="added_mass_kg must be finite"):
+        identify(shot, added_mass_kg=float("nan"))
+    with pytest.raises(ValueError, match="u_added_mass_kg must not be negative"):
+        identify(shot, added_mass_kg=1.0, u_added_mass_kg=-1.0)
+    with pytest.raises(ValueError, match="added_mass_kg and log"):
+        identify(shot, added_mass_kg=1.0, log=tmp_path)
+    with pytest.raises(ReadError, match="no such file"):
+        identify(shot, log=tmp_path / "none.csv")
+    (tmp_path / "shotlog.csv").write_text("shot,added_mass_kg\nother,3\n", "utf-8")
+    with pytest.raises(ReadError, match="no row of shot"):
+        identify(shot, log=tmp_path)
+    with pytest.raises(TypeError, match="cutoff_hz must be a number, not '300'"):
+        Options(cutoff_hz="300")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="not int"):
+        campaign([3])  # type: ignore[list-item]
+    with pytest.raises(TypeError, match="not both"):
+        campaign([identify(shot), tmp_path])  # type: ignore[list-item]
+
+
+@pytest.mark.whole_way
+def test_results_in_memory_make_the_campaign_of_their_files(tmp_path: Path) -> None:
+    shots = [replace(virtual_shot(seed=seed).shot, name=f"{seed:04d}") for seed in (3, 4, 5)]
+    for one in shots:
+        write_shot(one, tmp_path / "shots" / f"{one.name}.h5")
+    together = campaign([identify(one) for one in shots])
+    of_files = campaign(tmp_path / "shots", reports=tmp_path / "reports", out=tmp_path / "campaign")
+    assert (together.mass_kg, together.u_kg, together.reasons) == (of_files.mass_kg, of_files.u_kg, of_files.reasons)
+    assert list(together.shots["shot"]) == list(of_files.shots["shot"])
+    assert together.peaks.equals(of_files.peaks)
+    assert str(of_files).replace(f" -> {of_files.folder / 'campaign.html'}", "") == str(together)
+    table = identify_folder(tmp_path / "shots", out=tmp_path / "again").frame
+    assert list(table["shot"].astype(str)) == ["0003", "0004", "0005"]
+    assert table["u_impulse_n_s"].notna().all()
+    with pytest.raises(ValueError, match="log: of files alone"):
+        campaign([identify(one) for one in shots], log=tmp_path)  # type: ignore[call-overload]
+
+
+def test_the_peaks_are_a_table_with_their_uncertainties(result: Result) -> None:
+    table = result.peaks.set_index("quantity")
+    document = result.document
+    assert table["value"].to_dict() == document["peaks"]
+    assert table["u"].to_dict() == document["peaks_u"]
+    assert list(table.loc["impulse_n_s", ["low", "high"]]) == document["peaks_U95"]["impulse_n_s"]
+    assert (result.rpe_percent, result.E_n) == (document["rpe_percent"]["value"], document["E_n"])

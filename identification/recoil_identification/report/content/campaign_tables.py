@@ -12,6 +12,7 @@ from recoil_acquisition.remark import Severity
 from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
+from recoil_identification.report.content.chosen_units import ChosenUnits
 from recoil_identification.report.content.result_table import (
     ADDED,
     CONFIGURATION,
@@ -26,6 +27,8 @@ from recoil_identification.report.content.result_table import (
     flat,
 )
 from recoil_identification.report.content.sentences import by_groups, effective, specified
+from recoil_identification.report.content.tables import PEAKS as QUANTITIES
+from recoil_identification.report.content.tables import expanded_kg
 from recoil_rigs.shots.assumptions import assumption_lines
 from recoil_rigs.tables.specification import mass_decimals
 
@@ -140,7 +143,7 @@ def facts(document: Document) -> list[tuple[str, str]]:
     """Label and text of what stands in small print under the verdict."""
     gain, friction = document["repeatability"]["gain_rel"], document["repeatability"]["friction_rel"]
     cutoff_hz = document["provenance"]["parameters"].get("cutoff_hz")
-    expanded = fixed(document["mass"]["U_kg"], mass_decimals(document["mass"]["u"]))
+    expanded = fixed(expanded_kg(document["mass"]), mass_decimals(document["mass"]["u"]))
     factors = [("coverage factors", f"{COVERAGE_FACTOR:.2f} of the interval, U = {expanded} kg; 2 of Eₙ")]
     of, parts = specified(document), by_groups(document)
     found = [
@@ -236,6 +239,36 @@ def learnt(document: Document) -> list[Row]:
                 "at": f"{_place(at):.1f}",
                 "beyond": abs(at) > BAR_REACH,
                 "span": "",
+            }
+        )
+    return rows
+
+
+def peaks(document: Document) -> list[Row]:
+    """One row for each quantity of shots that were fired alike; none in an earlier answer."""
+    rows, chosen = [], ChosenUnits.of(document)
+    stated = document.get("peaks") or ()
+    several = len({one["kind"] for one in stated}) > 1
+    labels = {name: (label, scale, unit) for name, label, scale, _, unit in QUANTITIES}
+    for one in stated:
+        label, scale, unit = labels[one["quantity"]]
+        factor, other = chosen.factor(unit)
+        by, u, scatter = scale * factor, one["u"], one["scatter"]
+        low, high = one["U95"] or (None, None)
+        half = None if low is None else 0.5 * by * (high - low)
+        known = half if half is not None else None if scatter is None else by * scatter
+        value = significant(by * one["value"], 5) if known is None else rounded(by * one["value"], known)[0]
+        rows.append(
+            {
+                "quantity": label,
+                "kind": one["kind"] if several else "",
+                "shots": str(len(one["shots"])),
+                "value": value,
+                "scatter": "" if scatter is None or not one["value"] else fixed(100 * scatter / one["value"], 2),
+                "u": NO_NUMBER if u is None else rounded(by * one["value"], by * u)[1],
+                "expanded": NO_NUMBER if half is None else rounded(by * one["value"], half)[1],
+                "factor": NO_NUMBER if one["coverage_factor"] is None else fixed(one["coverage_factor"], 2),
+                "unit": other,
             }
         )
     return rows

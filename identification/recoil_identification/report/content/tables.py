@@ -23,19 +23,20 @@ from recoil_identification.estimate.rounding import (
 from recoil_identification.report.content.chosen_units import ChosenUnits
 from recoil_identification.report.content.glossary import notation
 from recoil_identification.report.content.sentences import by_groups, specified
+from recoil_identification.shot.peaks import LABELS
 
 Report = Mapping[str, Any]
 Row = dict[str, Any]
 
 PEAKS = (
-    ("breech_pressure_pa", "peak breech pressure", 1e-6, 1, "MPa"),
-    ("brake_pressure_pa", "peak brake pressure", 1e-6, 2, "MPa"),
-    ("recuperator_pressure_pa", "peak recuperator pressure", 1e-6, 2, "MPa"),
-    ("recoil_acceleration_m_s2", "peak acceleration, filtered", 1.0, 0, "m/s²"),
-    ("recoil_velocity_m_s", "peak velocity", 1.0, 2, "m/s"),
-    ("recoil_travel_m", "recoil length", 1e3, 1, "mm"),
-    ("recoil_time_s", "time of recoil", 1e3, 1, "ms"),
-    ("impulse_n_s", "impulse of the driving force", 1e-3, 2, "kN s"),
+    ("breech_pressure_pa", LABELS["breech_pressure_pa"], 1e-6, 1, "MPa"),
+    ("brake_pressure_pa", LABELS["brake_pressure_pa"], 1e-6, 2, "MPa"),
+    ("recuperator_pressure_pa", LABELS["recuperator_pressure_pa"], 1e-6, 2, "MPa"),
+    ("recoil_acceleration_m_s2", LABELS["recoil_acceleration_m_s2"], 1.0, 0, "m/s²"),
+    ("recoil_velocity_m_s", LABELS["recoil_velocity_m_s"], 1.0, 2, "m/s"),
+    ("recoil_travel_m", LABELS["recoil_travel_m"], 1e3, 1, "mm"),
+    ("recoil_time_s", LABELS["recoil_time_s"], 1e3, 1, "ms"),
+    ("impulse_n_s", LABELS["impulse_n_s"], 1e-3, 2, "kN s"),
 )
 """Key, label, factor, decimals and unit."""
 CONFORMS = {True: "conforms", False: "does not conform", None: "neither is shown"}
@@ -48,6 +49,12 @@ NO_TOLERANCE = (
 SMALL_SHARE = 1.0
 """Share of the variance, %, below which a page folds a row of the budget."""
 SEVERITY = {"fail": 0, "warn": 1, "ok": 2}
+
+
+def expanded_kg(mass: Mapping[str, Any]) -> float:
+    """Return half the width of a mass's 95 % interval: earlier documents state the interval alone."""
+    stated = mass.get("U_kg")
+    return float(0.5 * (mass["U95"][1] - mass["U95"][0]) if stated is None else stated)
 
 
 def verdict(report: Report) -> Row:
@@ -441,6 +448,11 @@ def inputs(document: Report) -> list[Row]:
     """One row for each file that a document rests on, and one for the rig file's text, with their whole digests."""
     provenance = document["provenance"]
     rig = provenance.get("rig")
+    sealed = [
+        {"file": f"seal of {one['file']}", "source": "what the file says of itself", "sha256": one["seal"]}
+        for one in provenance.get("inputs") or ()
+        if one.get("seal")
+    ]
     texts = (
         [] if rig is None else [{"file": f"rig {rig['name']}", "source": "rig file's text", "sha256": rig["sha256"]}]
     )
@@ -451,7 +463,7 @@ def inputs(document: Report) -> list[Row]:
             "size": str(entry["size"]) if entry.get("size") else "",
             "sha256": str(entry.get("sha256") or NO_NUMBER),
         }
-        for entry in (*(provenance.get("inputs") or ()), *texts)
+        for entry in (*(provenance.get("inputs") or ()), *sealed, *texts)
     ]
 
 

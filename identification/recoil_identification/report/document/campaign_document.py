@@ -17,6 +17,7 @@ from recoil_identification.campaign.charted import Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
 from recoil_identification.campaign.constancy import SharedConstancy
 from recoil_identification.campaign.gauge_scales import GaugeScale
+from recoil_identification.campaign.peaks import PeakOfShots
 from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.campaign.suspects import SharedSuspicion
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
@@ -34,6 +35,7 @@ from recoil_identification.report.document.report_files import (
 )
 from recoil_identification.report.document.spreadsheet import csv_text
 from recoil_identification.rows.unread_resistance import FORCE
+from recoil_identification.shot.peaks import LABELS, UNITS
 from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.tables.issue import NOTHING_STATED, Issue
 
@@ -101,6 +103,7 @@ def campaign_document(
         ],
         "shots": [_shot(one, (pages or {}).get(one.shot.name)) for one in campaign.shots],
         "common": [*map(_learnt, campaign.common), *_unread_force(campaign.unread_force)],
+        "peaks": [_peak(one) for one in campaign.peaks],
         "gauges": [_gauge(one) for one in campaign.gauges],
         "constancy": _constancy(campaign.constancy),
         "breech_chain": _breech_chain(campaign.suspicion),
@@ -219,8 +222,9 @@ def campaign_table(document: Mapping[str, Any]) -> str:
         cells = [shot[name] for name in columns[:4]] + [shot["mass"]["value"], shot["mass"]["u"]]
         cells += [shot[name] for name in (*columns[6:], "normalised_residual", "excluded")]
         cells += [shot["valid"], "; ".join(shot["reasons"]), shot["use"]]
-        rows.append([*cells, *(shot["peaks"].get(name) for name in peaks)])
-    return csv_text((*columns, "normalised_residual", "excluded", "valid", "reasons", "use", *peaks), rows)
+        rows.append([*cells, *(shot["peaks"].get(name) for name in peaks), *map(shot["peaks_u"].get, peaks)])
+    further = ("normalised_residual", "excluded", "valid", "reasons", "use", *peaks, *(f"u_{name}" for name in peaks))
+    return csv_text((*columns, *further), rows)
 
 
 def write_campaign(folder: Path, document: Mapping[str, Any]) -> None:
@@ -282,6 +286,21 @@ def _learnt(one: Learnt) -> dict[str, Any]:
         **stated(one, "value", "u"),
         "unit": one.influence.unit,
         "normalised_residual": one.normalised_residual,
+    }
+
+
+def _peak(one: PeakOfShots) -> dict[str, Any]:
+    u, half = one.u, one.expanded
+    return {
+        "name": f"{LABELS[one.quantity]}, {one.kind}",
+        **stated(one, "quantity", "kind", "shots"),
+        "value": one.mean,
+        "scatter": one.scatter,
+        "u": u,
+        "U95": None if half is None else [one.mean - half, one.mean + half],
+        "degrees_of_freedom": None if u is None else one.degrees_of_freedom,
+        "coverage_factor": None if u is None or half is None or not u else half / u,
+        "unit": UNITS[one.quantity],
     }
 
 
@@ -369,6 +388,7 @@ def _shot(used: Used, page: str | None) -> dict[str, Any]:
         "reasons": list(shot.reasons),
         "use": (shot.use or None) if used.excluded is None else None,
         "peaks": dict(shot.peaks),
+        "peaks_u": dict(shot.peaks_u),
         "shot_log": dict(shot.log),
         "report": page,
     }

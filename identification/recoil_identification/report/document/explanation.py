@@ -27,7 +27,7 @@ _SUFFIXES = (
 """Ends of keys -> unit; the longer first."""
 _DIMENSIONLESS = frozenset({"E_n", "coverage_factor"})
 """Keys that have no unit, whatever they end with and wherever they stand."""
-_OF_HOLDER = frozenset({"value", "u", "U95", "offset", "noise", "at_rest", "amplitude", "largest_error"})
+_OF_HOLDER = frozenset({"value", "u", "U95", "scatter", "offset", "noise", "at_rest", "amplitude", "largest_error"})
 """Keys whose unit stands beside them."""
 _ROLES_OF_AREAS = dict(zip(AREAS, PRESSURE_ROLES, strict=True))
 _RIG_UNITS = {"m3": "kg", "carried_mass": "kg", "friction": "N", "bore_friction": "1"}
@@ -121,7 +121,7 @@ def explained(document: Mapping[str, Any], key: str | None, fired: FiredShot | N
     """
     paths = EXPLAINED if key is None else (_OTHER_NAMES.sub(lambda name: OTHER_NAMES[name[0]], key),)
     given = _Sources(document, fired)
-    found = [_found(document, path) for path in paths if key is not None or document.get(path) is not None]
+    found = [_found(document, path) for path in paths if key is not None or document.get(path) not in (None, [])]
     return tuple(_entry(path, path, plain, value, given) for path, plain, value in found)
 
 

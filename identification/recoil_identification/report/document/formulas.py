@@ -215,6 +215,9 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
         "sqrt(J S J' + u_o^2): J the derivatives by the unknowns of the fit, S their covariance, u_o of what it does "
         "not hold: noise of the samples, and what camera and accelerometer leave of one another",
         "JCGM 102:2011, 6.2", ("sensors", "correlations"))),
+    ("peaks_u_shared.*", Formula(
+        "part of u by what every shot of the same sensors, or of the same rig, has in common",
+        "JCGM 100:2008 (GUM), 5.2.4", ("peaks_u",))),
     ("peaks_U95.*", Formula("value -+ 1.96 u", "JCGM 100:2008 (GUM), 6.2.1", ("peaks", "peaks_u"))),
     ("uncertainty.degrees_of_freedom", Formula("u^4 / sum(u_i^4 / nu_i)", "JCGM 100:2008 (GUM), (G.2b)", ("budget",))),
     ("uncertainty.coverage_factor", Formula("97.5 % quantile of Student's t", "JCGM 100:2008 (GUM), G.3.2",
@@ -295,6 +298,17 @@ _OF_SHOTS = Formula(
     ("common", "repeatability"),
 )
 """The mass of a campaign."""
+_PEAKS_OF_SHOTS = {
+    "value": Formula("sum of the shots' values over their number", "JCGM 100:2008 (GUM), 4.2.1", ("shots",)),
+    "scatter": Formula("standard deviation of the shots' values", "JCGM 100:2008 (GUM), 4.2.2", ("shots",)),
+    "u": Formula(
+        "sqrt(s^2 / n + u_c^2): s the scatter, or what the shots' own u leaves if that is larger, u_c the part of "
+        "u that they share", "JCGM 100:2008 (GUM), 4.2.3 and 5.2.4", ("shots",)),
+    "U95": Formula("value -+ coverage_factor u", "JCGM 100:2008 (GUM), 6.2.1"),
+    "degrees_of_freedom": Formula("u^4 / ((s^2 / n)^2 / (n - 1))", "JCGM 100:2008 (GUM), (G.2b)"),
+    "coverage_factor": Formula("97.5 % quantile of Student's t", "JCGM 100:2008 (GUM), G.3.2"),
+}  # fmt: skip
+"""The quantities of a campaign's shots."""
 _FACTOR_OF_SHOTS = Formula(
     "97.5 % quantile of the normal distribution: u is averaged over the scatters that the shots allow",
     "A. Gelman et al., Bayesian Data Analysis, 3rd edition 2013, section 13.1", ("repeatability",),
@@ -315,6 +329,8 @@ def formula_of(key: str, document: Mapping[str, Any]) -> Formula | None:
         return _OF_SHOTS if "shots" in document else _MASSES.get(document["mass"]["method"])
     if key == "uncertainty.coverage_factor" and "shots" in document:
         return _FACTOR_OF_SHOTS
+    if parts[0] == "peaks" and "shots" in document:
+        return _PEAKS_OF_SHOTS.get(parts[-1])
     if parts[0] == "methods" and parts[-1] == "mass_kg":
         return _MASSES.get(".".join(parts[1:-1]))
     if parts[0] == "alignment" and parts[-1] in ("offset_s", "u_offset_s", "drift", "u_drift"):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_identification.campaign.campaign import Campaign, Used
-from recoil_identification.campaign.charted import NOISE, RESIDUAL, Charted
+from recoil_identification.campaign.charted import NOISE, PEAK, RESIDUAL, Charted
 from recoil_identification.campaign.charts import (
     EWMA_SIGMAS,
     LAMBDA,
@@ -44,7 +44,8 @@ def campaign_figures(campaign: Campaign, curves: Overlay | None) -> list[Figure]
     figures += [_residuals(one) for one in campaign.charts if one.quantity == RESIDUAL]
     if curves is not None:
         figures.append(_curves(campaign, curves))
-    sensors = dict.fromkeys(one.influence for one in campaign.charts if one.quantity != RESIDUAL)
+    figures += _peaks(campaign, [one for one in campaign.charts if one.quantity == PEAK])
+    sensors = dict.fromkeys(one.influence for one in campaign.charts if one.quantity not in (RESIDUAL, PEAK))
     for number, sensor in enumerate(sensors):
         figures.append(_sensor(campaign, number, [one for one in campaign.charts if one.influence == sensor]))
     return figures
@@ -192,9 +193,45 @@ def _provisional(chart: IndividualsChart) -> str:
     return f" With {n} shots the limits are provisional: {SETTLED_POINTS} settle them." if chart.provisional else ""
 
 
+def _peaks(campaign: Campaign, charts: Sequence[Charted]) -> Iterator[Figure]:
+    """Draw the charts of the quantities, one below the other; nothing where too few shots were fired alike."""
+    if charts:
+        yield Figure(
+            "peaks",
+            "Control charts of peaks, time and impulse",
+            "By how much each shot lies off the mean of the shots that were fired alike, in the order of firing. "
+            f"{_told(charts, named=True)}",
+            "shot",
+            _chart_panels(campaign, charts, lambda one: f"{one.influence}, %"),
+            names=tuple(one.shot.name for one in campaign.shots),
+            folded=True,
+        )
+
+
 def _sensor(campaign: Campaign, number: int, charts: Sequence[Charted]) -> Figure:
-    names = tuple(one.shot.name for one in campaign.shots)
-    place_of = {name: place for place, name in enumerate(names)}
+    return Figure(
+        f"sensor-{number}",
+        charts[0].influence,
+        _told(charts),
+        "shot",
+        _chart_panels(campaign, charts, lambda one: f"{one.quantity.short}, {one.sensor_unit}"),
+        names=tuple(one.shot.name for one in campaign.shots),
+        folded=True,
+    )
+
+
+def _told(charts: Sequence[Charted], *, named: bool = False) -> str:
+    """Say what fired in some charts."""
+    told = "; ".join(str(signal) if named else signal.told for one in charts for signal in one.signals)
+    told = told or "nothing fired"
+    return f"{told[0].upper()}{told[1:]}."
+
+
+def _chart_panels(
+    campaign: Campaign, charts: Sequence[Charted], label_of: Callable[[Charted], str]
+) -> tuple[Panel, ...]:
+    """Draw charts over the places of the campaign's shots."""
+    place_of = {one.shot.name: place for place, one in enumerate(campaign.shots)}
     panels = []
     for one in charts:
         chart = one.individuals
@@ -204,18 +241,8 @@ def _sensor(campaign: Campaign, number: int, charts: Sequence[Charted]) -> Figur
         if one.quantity == NOISE:
             # its logarithm is charted, and the noise itself is drawn
             values, lines = np.exp(values), tuple(math.exp(line) for line in lines)
-        label = f"{one.quantity.short}, {one.sensor_unit}"
-        panels.append(_chart_panel(label, one.sensor_unit, (places, values, _fired(chart, jumps=True)), lines))
-    told = "; ".join(signal.told for one in charts for signal in one.signals) or "nothing fired"
-    return Figure(
-        f"sensor-{number}",
-        charts[0].influence,
-        f"{told[0].upper()}{told[1:]}.",
-        "shot",
-        tuple(panels),
-        names=names,
-        folded=True,
-    )
+        panels.append(_chart_panel(label_of(one), one.sensor_unit, (places, values, _fired(chart, jumps=True)), lines))
+    return tuple(panels)
 
 
 def _curves(campaign: Campaign, curves: Overlay) -> Figure:

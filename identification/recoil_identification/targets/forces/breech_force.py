@@ -4,7 +4,7 @@
 and recuperator. Two methods that share the measurements and the model of what rings, but not what they suppose of the
 force: Kalman input estimation (`recoil_identification.targets.forces.input_estimate`), and regularised inversion with
 cross-validation (`recoil_identification.targets.forces.force_inversion`). Where there is a breech gauge, both are
-compared with it.
+compared with the peak and the impulse that the shot's report states by it (`recoil_identification.shot.peaks`).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.rounding import in_unit, rounded, significant
 from recoil_identification.rows.unread_resistance import together
+from recoil_identification.shot.peaks import peaks_of
 from recoil_identification.targets.forces.figures import force_figures
 from recoil_identification.targets.forces.force_peak import ForcePeak, find_peak
 from recoil_identification.targets.forces.force_record import force_record
@@ -46,11 +47,12 @@ class _Stated(NamedTuple):
 
 
 class _Compared(NamedTuple):
-    """Peak, impulse and time of one method, with all of their uncertainties."""
+    """Peak, impulse, time, and where it was measured the pressure, of one method, with all of their uncertainties."""
 
     peak: _Stated
     impulse: _Stated
     time: _Stated
+    pressure: _Stated | None = None
 
 
 def find(case: Case) -> TargetResult:
@@ -65,7 +67,7 @@ def find(case: Case) -> TargetResult:
     found = estimate_motion_force(force_record(case.fired))
     m, record = case.fired.rig.mechanism, found.record
     peak = find_peak(found.kalman, record.onset_s)
-    kalman, inverted, gauge = _by_kalman(found, peak), _by_inversion(found, peak), _by_gauge(found)
+    kalman, inverted, gauge = _by_kalman(found, peak), _by_inversion(found, peak), _by_gauge(found, case)
     quantities, differences = _quantities(kalman, inverted, gauge, m), _differences(found, peak, kalman, gauge)
     end_s = float(found.times_s[-1])
     return TargetResult(
@@ -120,15 +122,20 @@ def _by_inversion(found: MotionForce, peak: ForcePeak) -> _Compared:
     )
 
 
-def _by_gauge(found: MotionForce) -> _Compared | None:
-    if found.gauge is None:
+def _by_gauge(found: MotionForce, case: Case) -> _Compared | None:
+    """Return what the report states by the breech gauge; None where there is none, or its tips are lost."""
+    told = None if found.gauge is None else peaks_of(case.identified)
+    if found.gauge is None or told is None or not {"breech_pressure_pa", "impulse_n_s"} <= told.keys():
         return None
-    peak, u_rel = find_peak(found.gauge, found.record.onset_s), found.record.u_gauge
-    u_impulse_n_s = math.hypot(peak.u_impulse_n_s, u_rel * peak.impulse_n_s, found.u_gauge_zero_n_s)
+    m, pressure, impulse = case.fired.rig.mechanism, told["breech_pressure_pa"], told["impulse_n_s"]
+    peak = find_peak(found.gauge, found.record.onset_s)
+    u_force_rel = math.hypot(pressure.u / pressure.value, m.u_force_areas_rel[0])
+    force_n = m.force_areas[0] * pressure.value
     return _Compared(
-        _Stated(peak.force_n, float(found.u_gauge_n[peak.index])),
-        _Stated(peak.impulse_n_s, u_impulse_n_s),
+        _Stated(force_n, u_force_rel * force_n),
+        _Stated(impulse.value, impulse.u),
         _Stated(peak.time_s - found.record.onset_s, math.hypot(peak.u_time_s, found.record.measured.step_s)),
+        _Stated(pressure.value, pressure.u),
     )
 
 
@@ -140,8 +147,7 @@ def _quantities(kalman: _Compared, inverted: _Compared, gauge: _Compared | None,
 
     area, u_area = m.force_areas[0], m.u_force_areas_rel[0]
     pressure = _Stated(kalman.peak.value / area, math.hypot(kalman.peak.u, kalman.peak.value * u_area) / area)
-    by_gauge = None if gauge is None else _Stated(gauge.peak.value / area, gauge.peak.u / area)
-    peaks, impulses, times = (None, None, None) if gauge is None else gauge
+    peaks, impulses, times, by_gauge = (None, None, None, None) if gauge is None else gauge
     since, behind = "time of the peak since the release", "impulse from the release on"
     return (
         against(kalman.peak, peaks, "peak force", "peak_force", "N", KALMAN),
@@ -243,7 +249,7 @@ def _notes(found: MotionForce, m: Mechanism, end_s: float) -> tuple[Note, ...]:
     compared = (
         "there is no breech gauge to compare with"
         if found.gauge is None
-        else "the values expected are those of the breech gauge, freed of noise and stress waves in the same way"
+        else "the values expected are those that the report states by the breech gauge"
     )
     until = f"the force is estimated until {end_s:.4f} s, twice as long as it exceeds 1 % of its peak"
     notes = [

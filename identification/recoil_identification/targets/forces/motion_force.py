@@ -67,18 +67,9 @@ class MotionForce(ReadOnlyArrays):
         if self.gauge is None:
             return np.full(self.times_s.size, np.nan)
         scale = self.record.u_gauge * self.gauge.force_n
-        return np.sqrt(self.gauge.u_force_n**2 + scale**2 + sum(zero**2 for zero in self._gauge_zero_n))
-
-    @property
-    def u_gauge_zero_n_s(self) -> float:
-        """Standard uncertainty of the gauge's impulse from the release on by its zero."""
-        step = float(self.times_s[1] - self.times_s[0])
-        return math.hypot(*(step * float(zero[self.free].sum()) for zero in self._gauge_zero_n))
-
-    @property
-    def _gauge_zero_n(self) -> tuple[Array, ...]:
         grid = self.record.measured.times_s
-        return tuple(np.interp(self.times_s, grid, zero) for zero in self.record.gauge_zero_n.values())
+        zeros = (np.interp(self.times_s, grid, zero) for zero in self.record.gauge_zero_n.values())
+        return np.sqrt(self.gauge.u_force_n**2 + scale**2 + sum(zero**2 for zero in zeros))
 
     @property
     def inertia_n(self) -> Array:

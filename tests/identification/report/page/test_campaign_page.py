@@ -139,8 +139,10 @@ def test_what_a_chart_fires_is_a_signal_and_a_ring_and_no_reason():
     before, _ = page_of(shots_of())
     assert document["valid"] is before["valid"] is True
     assert document["mass"] == before["mass"]
-    signals = [one for one in document["signals"] if one["kind"] == "chart"]
-    assert {one["influence"] for one in signals} == {"p, sensor 4711"}
+    charts = [one for one in document["signals"] if one["kind"] == "chart"]
+    # the peaks of these shots rise, too
+    assert {one["influence"] for one in charts} == {"p, sensor 4711", "peak breech pressure"}
+    signals = [one for one in charts if one["influence"] == "p, sensor 4711"]
     (slope,) = [one for one in signals if one["rule"] == "trend"]
     assert (slope["unit"], slope["shots"]) == ("Pa", ["0001", "0008"])
     assert slope["size"] == pytest.approx(700.0, rel=0.05)
@@ -154,7 +156,8 @@ def test_what_a_chart_fires_is_a_signal_and_a_ring_and_no_reason():
 
 def test_the_charts_of_the_document_are_those_of_the_shots():
     document, _ = page_of(shots_of())
-    residual, zero, noise = document["charts"]["series"]
+    residual, *peaks, zero, noise = document["charts"]["series"]
+    assert {one["quantity"] for one in peaks} == {"off the mean of shots fired alike"}
     assert residual["values"] == [one["normalised_residual"] for one in document["shots"]]
     assert zero["shots"] == [one["shot"] for one in document["shots"]]
     assert noise["values"] == pytest.approx([np.log(50.0)] * 8)

@@ -9,6 +9,7 @@ import pytest
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from recoil_identification.rows.unread_resistance import SHARE, SLIDE, shape_of_force, unread_causes
+from recoil_identification.shot.peaks import peaks_of
 from recoil_identification.shot.preparation import prepare
 from recoil_identification.targets import target_function
 from recoil_identification.targets.forces.force_record import force_record
@@ -61,6 +62,16 @@ def test_peak_and_impulse_of_both_methods_are_those_of_the_shot(name):
         assert abs(peak.value - force.max()) < 3 * peak.u < 0.05 * force.max()
         assert abs(total.value - impulse) < 3 * total.u < 0.01 * impulse
     assert finding.valid, finding.reasons
+
+
+@pytest.mark.whole_way
+@pytest.mark.parametrize("name", RIGS)
+def test_what_the_gauge_says_is_what_the_report_says(name):
+    virtual, finding = found(name)
+    report = peaks_of(Case(FiredShot(virtual.shot, virtual.rig)).identified)
+    for symbol, quantity in (("peak_pressure", "breech_pressure_pa"), ("impulse", "impulse_n_s")):
+        told = finding.quantity(symbol)
+        assert (told.expected, told.u_expected) == (report[quantity].value, report[quantity].u)
 
 
 @pytest.mark.whole_way
