@@ -80,12 +80,16 @@ class Demonstration:
             "report": self.report.document,
         }
 
-    def show(self) -> None:
-        """Print the verdict on the shot, the methods, and the mass beside the truth."""
+    def show(self, *, whole: bool = False) -> None:
+        """Print the verdict on the shot and the mass beside the truth; the whole of it with all checks and methods."""
+        from recoil_daq.terminal.ingest import print_state
         from recoil_daq.terminal.report import print_truth
 
-        self.ingested.show()
-        self.report.show()
+        if whole:
+            self.ingested.show()
+        else:
+            print_state(self.ingested.to_json())
+        self.report.show(whole=whole)
         print_truth(self.report.to_json())
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from recoil_daq.workers import Workers
     from recoil_identification.calibration.methods import Method
 
-from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, WorkersOption, number
+from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, VerboseOption, WorkersOption, number
 from recoil_daq.terminal.session import FAULT, NOT_VALID, OK, Session
 
 CorrectedRigOption = Annotated[
@@ -181,6 +181,7 @@ def identify(
     cluster: ClusterOption = None,
     standalone: StandaloneOption = False,
     overwrite: OverwriteOption = False,
+    verbose: VerboseOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -252,7 +253,7 @@ def identify(
                 if done.report is not None:
                     reports.append(done.report if json else outlined(done.report))
                 if done.report is not None and not json:
-                    done.report.show(told)
+                    done.report.show(told, whole=verbose or compare)
                 for one in done.targets if not json else ():
                     print_target(one.document, one.folder)
                 if done.report is not None and others is not None:

@@ -18,6 +18,9 @@ RigArgument = Annotated[
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")]
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+VerboseOption = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Print each method, note and assumption, as the report has them.")
+]
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace what exists.")]
 WorkersOption = Annotated[
     int | None,

@@ -9,7 +9,15 @@ import typer
 if TYPE_CHECKING:
     from recoil_rigs.twin import CampaignPlan
 
-from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, cells_of, number
+from recoil_daq.commands.options import (
+    DebugOption,
+    JsonOption,
+    OverwriteOption,
+    RigArgument,
+    VerboseOption,
+    cells_of,
+    number,
+)
 from recoil_daq.terminal.session import INTERRUPTED, NOT_VALID, OK, Session
 
 
@@ -238,6 +246,7 @@ def demo(
     ] = False,
     no_screen: Annotated[bool, typer.Option("--no-screen", help="With --live: print plain lines.")] = False,
     overwrite: OverwriteOption = False,
+    verbose: VerboseOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -260,7 +269,7 @@ def demo(
 
         with session.steps("demo") as progress:
             done = run_demo(out, seed=seed, overwrite=overwrite, progress=progress)
-        session.finish(done.to_json(), done.show, OK if done.report.valid else NOT_VALID)
+        session.finish(done.to_json(), lambda: done.show(whole=verbose), OK if done.report.valid else NOT_VALID)
 
 
 def _demo_live(out: Path, seed: int, no_screen: bool, overwrite: bool, json: bool, debug: bool) -> None:

@@ -55,11 +55,14 @@ class Reported(MassResult, OfShot):
         ``figures`` where they were asked for. The script of the figures stands in the folder above it.
     """
 
-    def show(self, told: set[str] | None = None) -> None:
-        """Print the mass, its methods, and what speaks against it; what was told of methods before is left out."""
-        from recoil_daq.terminal.report import print_report
+    def show(self, told: set[str] | None = None, *, whole: bool = True) -> None:
+        """Print the mass, its methods, and what speaks against it, or its six lines; nothing that was told before."""
+        from recoil_daq.terminal.report import print_mass, print_report
 
-        print_report(self.to_json(), self.folder, told)
+        if whole:
+            print_report(self.to_json(), self.folder, told)
+        else:
+            print_mass(self.to_json(), self.folder)
 
     def __repr__(self) -> str:
         verdict, places = "valid" if self.valid else "not valid", mass_decimals(self.u_kg)

@@ -23,7 +23,7 @@ from recoil_daq.version import __version__
 from recoil_identification.report.content.result_table import Row
 from recoil_identification.report.document.report_files import REPORT_FILE, read_document, write_files
 from recoil_identification.report.document.spreadsheet import refuse_without_workbooks, write_workbook
-from recoil_identification.report.page.html import INDEX_PAGE, render_results_page
+from recoil_identification.report.page.html import CAMPAIGN_PAGE, DAY_PAGE, INDEX_PAGE, render_results_page
 from recoil_identification.report.page.page_files import write_page
 from recoil_identification.report.results.shot_index import (
     INDEX,
@@ -38,6 +38,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 INDEX_BOOK = "index.xlsx"
+_NEAR = (
+    ("Live page", ".", "live.html"), ("Day", ".", DAY_PAGE), ("Campaign", "../campaign", CAMPAIGN_PAGE),
+    ("Campaign", "campaign", CAMPAIGN_PAGE),
+)  # fmt: skip
+"""Name, folder by that of the shot files, and file of pages that an index leads to; the last of a name counts."""
 _FILES = (INDEX_PAGE, INDEX_TABLE, INDEX_BOOK)
 
 
@@ -138,6 +143,13 @@ def listed(
             rows.append(one)
     failed = [{"file": str(one.path), "error": str(one)} for one in faults]
     document = index_document(rows, version=__version__, failed=failed)
+    near = {
+        name: way
+        for folder in dict.fromkeys(path.parent for path in found.shots)
+        for name, inside, page in _NEAR
+        if (way := way_to_page(home, folder / inside, page)) is not None and way != page
+    }
+    document["pages"] = [{"name": name, "page": way} for name, way in near.items()]
     if len(found.units) == 1:
         document["issued"] = {"units": [*next(iter(found.units))]}
     return document, tuple(faults)

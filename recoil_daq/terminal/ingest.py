@@ -98,6 +98,11 @@ def print_verdict(document: Mapping[str, Any], console: Console | None = None) -
         console=console,
     )
     print_assumptions(document, console)
+    print_state(document, console)
+
+
+def print_state(document: Mapping[str, Any], console: Console | None = None) -> None:
+    """Print what a shot is good for, why not, and where its file is."""
     from rich.text import Text
 
     verdict = VerdictLine.of(document)
@@ -112,6 +117,7 @@ def print_verdict(document: Mapping[str, Any], console: Console | None = None) -
         line.append(f", the first: {visible(verdict.first)}", style="default not bold")
     line.append("\n" if verdict.first else " ")
     line.append(f"-> {visible(document['file'])}", style="default not bold")
+    console = console or output_console()
     console.print(line, soft_wrap=True)
     if document.get("log_fault"):
         said = Text("shot log", style="bold yellow")

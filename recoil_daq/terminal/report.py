@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.overview import mass_cells, print_shots, verdict_cell
-from recoil_daq.terminal.tables import fixed, print_outcome, print_table, say, say_once
+from recoil_daq.terminal.tables import fixed, print_outcome, print_table, print_verdict, say, say_once
 from recoil_rigs.tables.specification import mass_decimals
 
 if TYPE_CHECKING:
@@ -82,6 +82,45 @@ def print_together(document: Mapping[str, Any]) -> None:
         say(f"repeatability on rig {one['rig']}: {one['verdict']}, {one['detail']}")
     for one in document["set_aside"]:
         say(f"set aside: {one['file']}: {one['detail']}; name the file itself to identify it all the same")
+
+
+SHORT = ("peak breech pressure", "peak velocity", "recoil length", "impulse of the driving force")
+"""Peaks that a terminal says unasked."""
+
+
+def print_mass(document: Mapping[str, Any], folder: Path) -> None:
+    """Print the six lines of a shot: its mass, what its uncertainty consists of, its peaks, and its verdict.
+
+    Parameters
+    ----------
+    document
+        Contents of ``report.json``.
+    folder
+        Folder that holds the report's page.
+    """
+    from recoil_identification.report.content.sentences import by_groups
+    from recoil_identification.report.content.tables import logged, peaks
+
+    d, places = document, mass_decimals(document["mass"]["u"])
+    added = "".join(f", {text} added" for label, text in logged(d) if label.startswith("added mass"))
+    mass, e_n = d["mass"], d["E_n"]
+    off_kg = None if mass["value"] is None else mass["value"] - mass["specification"]
+    agrees = "" if e_n is None else ": they agree" if abs(e_n) <= 1.0 else ": they do not agree"
+    far = "" if off_kg is None else f"{fixed(abs(off_kg), places)} kg {'below' if off_kg < 0.0 else 'above'} "
+    say(
+        f"Shot {d['shot']} on rig {d['rig']}: {fixed(mass['value'], places)} ± {fixed(mass['U_kg'], places)} kg "
+        f"(95 %), {far}the specification of {mass['specification']:g} kg{added}{agrees}"
+    )
+    if parts := by_groups(d):
+        say(parts.partition(";")[0])
+    if said := [f"{label.removeprefix('peak ')} {text}" for label, text in peaks(d) if label in SHORT]:
+        say(", ".join(said))
+    taken = sum(len(one) > 0 for one in d.get("assumptions") or ())
+    found = (len(d["reasons"]) - 1, "more reason"), (len(d["notes"]), "note"), (taken, "assumption")
+    more = [f"{number} {what}{'' if number == 1 else 's'}" for number, what in found if number > 0]
+    if more:
+        say(f"{', '.join(more)}: in the report, and here with --verbose")
+    print_verdict(d, folder / "report.html")
 
 
 def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str] | None = None) -> None:

@@ -112,13 +112,20 @@ def print_outcome(document: Mapping[str, Any], page: Path | None, told: set[str]
     for note in document["notes"]:
         say(f"note: {note}")
     print_assumptions(document, told=told)
+    print_verdict(document, page, document["reasons"][1:])
+
+
+def print_verdict(document: Mapping[str, Any], page: Path | None, more: Sequence[str] = ()) -> None:
+    """Print whether a result is valid and conforms, the first reason why not, more of them, and where its page is."""
+    from recoil_identification.report.content.tables import CONFORMS, conformity
     from recoil_rigs.tables.calibration_day import calibrations_in_words
 
     console, reasons, dated = output_console(), document["reasons"], calibrations_in_words(document)
+    stated = conformity(document) if document["valid"] else None
     if not document["valid"]:
         console.print("[bold red]NOT VALID[/]:", end=" ")
         say(reasons[0])
-        for reason in reasons[1:]:
+        for reason in more:
             say(f"and: {reason}")
     elif document.get("deviation"):
         console.print("[bold yellow]VALID[/],", end=" ")
@@ -126,10 +133,11 @@ def print_outcome(document: Mapping[str, Any], page: Path | None, told: set[str]
     elif dated:
         console.print("[bold yellow]VALID[/],", end=" ")
     else:
-        console.print("[bold green]VALID[/]", end=" ")
+        console.print("[bold green]VALID[/]", end=" " if stated is None else ", ")
     if dated:
         say(f"{'but' if document['valid'] else 'and:'} {dated}")
-    say("" if page is None else f"-> {page}")
+    said = "" if stated is None else f"{CONFORMS[stated['conforms']]} ({stated['tolerance']}, {stated['probability']}) "
+    say(said if page is None else f"{said}-> {page}")
 
 
 def print_assumptions(

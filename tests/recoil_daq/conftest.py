@@ -83,7 +83,7 @@ def identified(stored: Path, tmp_path_factory: pytest.TempPathFactory) -> Identi
     """The field shot's report by the default options; each worker makes it once, for whoever asks."""
     out = tmp_path_factory.mktemp("identified")
     with apart():
-        result = CliRunner().invoke(app, ["identify", str(stored), "--out", str(out)])
+        result = CliRunner().invoke(app, ["identify", str(stored), "--out", str(out), "--verbose"])
     assert result.exit_code == 0, result.output
     return Identified(result, out)
 

@@ -19,6 +19,7 @@ from recoil_daq.cli import COMMANDS, app
 from recoil_daq.demo import Demonstration
 from recoil_daq.live import device_check
 from recoil_daq.recording.ingest import ingest_files
+from recoil_daq.terminal import console
 from recoil_rigs.rig import load_rig, parse_rig
 from recoil_rigs.twin import TwinShot
 from tests.builders.all_commands import all_commands
@@ -419,10 +420,14 @@ def test_demo_goes_the_whole_way_through_all_four_readers(run, monkeypatch, demo
     assert (Path(document["folder"]) / "report.html").exists()
 
 
-def test_demo_prints_mass_rpe_truth_and_the_reports_path(demonstrated):
+def test_demo_prints_verdict_mass_truth_and_the_reports_path_in_twelve_lines(demonstrated):
     report = demonstrated.folder / "reports" / "0001" / "report.html"
-    for word in ("mass 78", "RPE", "truth 782.00 kg", str(report)):
+    for word in ("USABLE", " kg (95 %)", "the specification of 782 kg", "truth 782.00 kg", str(report), "--verbose"):
         assert word in demonstrated.result.output
+    assert len(demonstrated.result.output.strip().splitlines()) <= 12
+    whole = console.shown(lambda: demonstrated.done.show(whole=True)).export_text()
+    for word in ("mass 78", "RPE", "truth 782.00 kg", "11 checks passed"):
+        assert word in whole
 
 
 def test_an_error_as_json_is_a_document_too(run, tmp_path):

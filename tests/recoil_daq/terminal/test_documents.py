@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from recoil_daq.terminal.check import print_rig
 from recoil_daq.terminal.console import shown
 from recoil_daq.terminal.file import print_exported, print_simulated
 from recoil_daq.terminal.ingest import print_log, print_logged, print_verdict
-from recoil_daq.terminal.report import print_masses, print_report
+from recoil_daq.terminal.report import print_mass, print_masses, print_report
 from recoil_identification.campaign.combination import combine
 from recoil_identification.report.document.campaign_document import campaign_document
 from recoil_identification.shot.baseline import Baseline
@@ -72,6 +73,28 @@ def test_simulated_shots_print_as_their_document_does(field_shot: TwinShot) -> N
 def test_a_report_prints_as_its_file_does(identified: Identified) -> None:
     text = printed(identified.report, print_report, identified.reports / "0001")
     assert text.rstrip() == identified.result.output.rstrip()
+
+
+CONFORMITY = {
+    "probability": 0.982, "conforms": True, "tolerance_kg": [-20.0, 20.0], "limits_kg": [762.0, 802.0], "enough": 0.95,
+    "u_kg": 5.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("valid", "reasons"), [(True, []), (False, ["the brake is dead", "so is the bus", "and more"])]
+)
+def test_a_shot_is_told_in_six_lines(identified: Identified, valid: bool, reasons: list[str]) -> None:
+    report = {**identified.report, "valid": valid, "reasons": reasons, "conformity": CONFORMITY}
+    lines = printed(report, print_mass, Path("reports/0001")).splitlines()
+    assert len(lines) <= 6
+    assert re.match(r"Shot \w+ on rig [\w-]+: \d+\.\d+ ± \d+\.\d+ kg \(95 %\), \d+\.\d+ kg below the spec", lines[0])
+    assert lines[-1].endswith(f"-> {Path('reports/0001/report.html')}")
+    if valid:
+        assert lines[-1].startswith("VALID, conforms (-20 kg to +20 kg, 98.2 %)".replace("-", "\N{MINUS SIGN}", 1))
+    else:
+        assert lines[-3].startswith("2 more reasons, ")
+        assert lines[-2] == "NOT VALID: the brake is dead"
 
 
 def test_what_is_alike_in_the_reports_of_many_shots_is_printed_once(identified: Identified) -> None:

@@ -71,6 +71,11 @@ def half_width(row: Mapping[str, Any]) -> float | None:
     return None if low is None or high is None else (high - low) / 2
 
 
+def bare_kg(row: Mapping[str, Any]) -> float | None:
+    """Return a row's mass without what was added for the shot; None where it has none."""
+    return None if row["mass_kg"] is None else row["mass_kg"] - (row["added_mass_kg"] or 0.0)
+
+
 def _interval(row: Mapping[str, Any]) -> str:
     half = half_width(row)
     limits = (row["U95_low_kg"], row["U95_high_kg"])
@@ -82,12 +87,18 @@ U = ResultColumn("u", "u", "number", "kg", text=lambda row: rounded(row["mass_kg
 INTERVAL = ResultColumn("interval", "95 % interval", "number", "kg", text=_interval, printed=None)
 E_N = ResultColumn("e_n", "E_n", "number", text=lambda row: signed(fixed(row["E_n"], 2)))
 RPE = ResultColumn("rpe", "RPE", "number", "%", text=lambda row: significant(row["rpe_percent"], 2))
-VERDICT = ResultColumn("verdict", "Verdict", "text", text=lambda row: VERDICTS[row["valid"]])
+VERDICT = ResultColumn("verdict", "Verdict", "chip", text=lambda row: VERDICTS[row["valid"]])
+TONES = {True: "ok", False: "fail", None: "warn"}
+"""Verdict on a mass -> colour of its word."""
 REASON = ResultColumn("reason", "First reason", "long")
 CONFIGURATION = ResultColumn("configuration", "Configuration")
 ADDED = ResultColumn(
     "added", "Added", "number", "kg", text=lambda row: f"{row['added_mass_kg']:g}" if row["added_mass_kg"] else ""
 )
+BARE = ResultColumn(
+    "bare", "Less added", "number", "kg", printed=None,
+    text=lambda row: rounded(bare_kg(row), row["u_kg"])[0] if row["added_mass_kg"] else "",
+)  # fmt: skip
 
 
 def _peak(name: str, head: str, unit: str, scale: float, decimals: int) -> ResultColumn:

@@ -97,6 +97,8 @@ class Section:
         Function that makes the sentences below the table.
     total
         Function that makes the row of the sum; None where there is none.
+    rest
+        Function that makes the row of the sum of what is folded, which paper lists instead; None where paper counts it.
     listed
         Whether its sentences are a list.
     folded
@@ -122,6 +124,7 @@ class Section:
     sentences: Callable[[Document], Sequence[str]] = _nothing
     after: Callable[[Document], Sequence[str]] = _nothing
     total: Callable[[Document], Row | None] | None = None
+    rest: Callable[[Document], Row | None] | None = None
     listed: bool = False
     folded: str = ""
     fold_beyond: int | None = None
@@ -149,8 +152,8 @@ class Part:
         Figures with their numbers on the page.
     sentences, after
         Sentences above and below the table.
-    total
-        Row of the sum; None where there is none.
+    total, rest
+        Rows of the sum and of that of what is folded; None where there is none.
     """
 
     section: Section
@@ -163,6 +166,7 @@ class Part:
     sentences: tuple[str, ...] = ()
     after: tuple[str, ...] = ()
     total: Row | None = None
+    rest: Row | None = None
 
     @property
     def is_figure(self) -> bool:
@@ -207,7 +211,7 @@ def parts_of(sections: Sequence[Section], document: Document, figures: Sequence[
             section, section.title, caption, _filled(section, rows),
             tuple(row for row in rows if not row.get("folded")), tuple(row for row in rows if row.get("folded")),
             here, sentences, tuple(section.after(document)),
-            None if section.total is None else section.total(document),
+            *(None if one is None else one(document) for one in (section.total, section.rest)),
         )  # fmt: skip
         parts.append(_in_units(part, units) if units.by_quantity and not section.as_stated else part)
     return parts

@@ -50,6 +50,8 @@ NO_TOLERANCE = (
     "recoiling part alone, or none."
 )
 """Sentence of a target's page that has no conformity."""
+SMALL_SHARE = 1.0
+"""Share of the variance, %, below which a page folds a row of the budget."""
 SEVERITY = {"fail": 0, "warn": 1, "ok": 2}
 
 
@@ -247,7 +249,7 @@ def methods(report: Report) -> list[Row]:
 
 
 def budget(report: Report) -> list[Row]:
-    """Rows of the uncertainty budget, the largest first.
+    """Rows of the uncertainty budget, the largest first; a page folds those below one per cent.
 
     The share is that of the sum of squares (JCGM 100:2008, 5.1.3, with unit sensitivities: each row is in kg).
     """
@@ -275,9 +277,24 @@ def budget(report: Report) -> list[Row]:
                 "share": "< 1" if 0.0 < share < 1.0 else fixed(share, 0),
                 "width": f"{share:.1f}",
                 "scope": entry.get("scope") or "",
+                "folded": share < SMALL_SHARE,
             }
         )
     return rows
+
+
+def budget_rest(report: Report) -> Row | None:
+    """Return the sum of what the budget folds as a row of it; None where it folds nothing."""
+    squares = sorted((entry.get("u_kg") or 0.0) ** 2 for entry in report.get("budget") or ())
+    total = math.fsum(squares)
+    small = [one for one in squares if 100 * one < SMALL_SHARE * total]
+    if not small:
+        return None
+    rest = math.fsum(small)
+    return {
+        "source": f"{len(small)} more, together", "u": significant(math.sqrt(rest), 2),
+        "share": fixed(100 * rest / total, 1), "width": f"{100 * rest / total:.1f}",
+    }  # fmt: skip
 
 
 def _estimate(entry: Mapping[str, Any], unit: str) -> str:

@@ -34,6 +34,7 @@ from recoil_identification.report.sections import sections_of
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+    from markupsafe import Markup
 
 PAGE_NAME = "report.html"
 CAMPAIGN_PAGE = "campaign.html"
@@ -41,7 +42,7 @@ CERTIFICATE_PAGE = "certificate.html"
 BESIDE_PAGE = "beside.html"
 INDEX_PAGE = "index.html"
 DAY_PAGE = "day.html"
-NEEDED_PX = {"few": 560, "some": 820, "many": 1180, "listing": 1300}
+NEEDED_PX = {"few": 480, "some": 640, "many": 640, "listing": 1060}
 """Kind of a table by the number of its columns, as ``parts.html`` tells it, or by its style -> width of a page up to
 which its rows are blocks."""
 MOST_COLUMNS = 24
@@ -278,6 +279,7 @@ def _render(
             heading=glossary.heading,
             headings=headings,
             notation=notation,
+            parted=parted,
             grouped=grouped,
             version=report["provenance"].get("version", NO_NUMBER),
             own_digest=(OWN_DIGEST, report["provenance"].get(SEAL)),
@@ -294,6 +296,13 @@ def _render(
             packed=packed(carried),
         )
     )
+
+
+def parted(text: str) -> Markup:
+    """Write a text as HTML that may end a line behind each underscore: names of signals are longer than a column."""
+    from markupsafe import Markup, escape
+
+    return Markup("_<wbr>").join(escape(_nothing_hidden(text)).split("_"))
 
 
 def headings(names: Iterable[str]) -> str:

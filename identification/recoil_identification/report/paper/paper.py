@@ -1,6 +1,6 @@
 """The paper copy of a report: head and sections of the page, without what only a screen can do.
 
-Rows that a page folds are counted, not listed.
+Rows that a page folds are counted, not listed, but those whose sum it states.
 """
 
 from __future__ import annotations
@@ -32,10 +32,14 @@ CERTIFICATE_PDF = "certificate.pdf"
 FIGURES_FOLDER = "figures"
 SAID_ABOVE = ("rig", "date and time")
 """Facts that the heading of the first sheet has."""
-FEW_COLUMNS = 9
-"""More of them need smaller letters."""
+SIZES = {9: 8.5, 14: 7.0, 99: 6.0}
+"""Columns up to which a table has letters of a size, pt."""
 AS_SPELLED = ("file", "sha256")
 """Keys of columns whose texts are names of files or digests."""
+ROW_LETTERS = 90
+"""Letters of a line over a whole row: by its columns, those of a name that fits into any cell."""
+LONG_CELL = 900
+"""Letters of a cell from which on a row may go over two sheets."""
 
 _NOT_IN_NAMES = re.compile(r"[^\w.-]+")
 
@@ -200,13 +204,12 @@ def _parts(part: Filled) -> Iterator[Part]:
         yield {"kind": "figure", "number": number, "title": figure.title, "caption": figure.caption}
         return
     columns = [one for one in part.columns if one.kind not in SCREEN_ONLY]
+    # the sum first: at the end it might stand alone on the next sheet
+    listed = [*([{**part.total, "strong": True}] if part.total is not None else []), *part.rows]
+    listed += part.folded if part.rest is not None else ()
     rows = [
-        {"cells": [_cell(row[one.key], one) for one in columns], "strong": bool(row.get("strong"))} for row in part.rows
+        _row([_cell(row.get(one.key, ""), one) for one in columns], strong=bool(row.get("strong"))) for row in listed
     ]
-    if part.total is not None:
-        # first: at the end it might stand alone on the next sheet
-        cells = [_cell(part.total.get(one.key, ""), one) for one in columns]
-        rows.insert(0, {"cells": cells, "strong": True})
     fired = [(number, one) for number, one in part.figures if _fired(one)]
     quiet = len(part.figures) - len(fired)
     sentences = [part.caption] if part.caption else []
@@ -215,7 +218,7 @@ def _parts(part: Filled) -> Iterator[Part]:
         {
             "kind": "table",
             "title": part.title,
-            "size": 8.5 if len(columns) <= FEW_COLUMNS else 7.0,
+            "size": next(size for most, size in SIZES.items() if len(columns) <= most),
             "sentences": [*sentences, *(() if part.section.listed else part.sentences)],
             "items": list(part.sentences) if part.section.listed else [],
             "columns": [{"head": _sub(one.heading), "kind": _kind(one)} for one in columns] if rows else [],
@@ -226,6 +229,12 @@ def _parts(part: Filled) -> Iterator[Part]:
     )
     for number, figure in fired:
         yield {"kind": "figure", "number": number, "title": figure.title, "caption": figure.caption}
+
+
+def _row(cells: Sequence[str], *, strong: bool = False) -> Part:
+    """Return a row of a table: names may end at its cells' edges, and a row that is longer than a sheet on the next."""
+    longest = ROW_LETTERS // len(cells)
+    return {"cells": cells, "strong": strong, "longest": longest, "long": max(map(len, cells)) > LONG_CELL}
 
 
 def _cell(value: Any, column: Column) -> str:
@@ -260,7 +269,7 @@ def _provenance(name: str, document: Document, content: bytes) -> Part:
         "items": [],
         "columns": [{"head": "File", "kind": "long"}, {"head": "SHA-256", "kind": "code"}],
         "rows": [
-            {"cells": [label, digest], "strong": False}
+            _row([label, digest])
             for label, digest in (
                 (f"{name} (embedded)", hashlib.sha256(content).hexdigest()),
                 (OWN_DIGEST, provenance.get(SEAL)),

@@ -25,7 +25,10 @@ _UNPRINTABLE = re.compile(
     "\u2010-\u2027\u2030-\u203f\u2070\u2071\u2074-\u208e\u2090-\u209c\u20a0-\u20bf\u2100-\u211e\u2122\u2126\u2190-\u22ff\u2460-\u25ff]"
 )
 """Characters that typst's own fonts have no letter for; a PDF/A must not have letters that are missing."""
-_LONG_WORD = re.compile(rf"[^\s\u200b]{{{LONGEST_WORD}}}(?=[^\s\u200b])")
+_SIGN = re.compile(r"(?<=[_/\\:;=])|(?=_)|(?<=[.-])(?=[^\W\d])|(?<=\d-)(?=\d)")
+"""Place in a name where it may be parted: words beside a sign are words, which hyphens may part."""
+_ENDLESS = 20
+"""Letters of a part of a name up to which it is left to hyphens, and a number is whole."""
 
 
 def refuse_without_typst(*, pdf: bool, figures: bool) -> None:
@@ -41,9 +44,17 @@ def refuse_without_typst(*, pdf: bool, figures: bool) -> None:
         raise StoreError(f"{PDF.module}, which {option} needs, is not installed", remedy=PDF.remedy)
 
 
-def printable(text: str) -> str:
-    """Put what cannot be printed as its number, and let words end that are longer than a line."""
-    return _LONG_WORD.sub("\\g<0>\u200b", _numbered(text))
+def printable(text: str, longest: int = LONGEST_WORD) -> str:
+    """Put what cannot be printed as its number, and let words end that are longer than a line of so many letters."""
+    pieces = re.compile(rf".{{1,{longest}}}")
+
+    def parted(word: re.Match[str]) -> str:
+        names = [word[0]] if len(word[0]) <= longest else _SIGN.split(word[0])
+        return "\u200b".join(
+            piece for one in names for piece in (pieces.findall(one) if len(one) > max(longest, _ENDLESS) else [one])
+        )
+
+    return re.sub(r"\S+", parted, _numbered(text))
 
 
 def _numbered(text: str) -> str:
@@ -119,13 +130,15 @@ def _drawn(figures: Sequence[str]) -> str:
     return json.dumps([_numbered(one) for one in figures])
 
 
-def _each_text(value: Any) -> Any:
+def _each_text(value: Any, longest: int = LONGEST_WORD) -> Any:
+    """Make all texts printable; a mapping states by ``longest`` after how many letters words in it may be parted."""
     if isinstance(value, str):
-        return printable(value)
+        return printable(value, longest)
     if isinstance(value, Mapping):
-        return {key: _each_text(one) for key, one in value.items()}
+        longest = value.get("longest", longest)
+        return {key: _each_text(one, longest) for key, one in value.items()}
     if isinstance(value, list | tuple):
-        return [_each_text(one) for one in value]
+        return [_each_text(one, longest) for one in value]
     return value
 
 

@@ -47,7 +47,13 @@ def head(document: Document) -> ResultHead:
     together = str(document["campaign"]["text"])
     words = (shot_index.summary(document), *([f"{together[:1].upper()}{together[1:]}."] if together else []))
     faults = tuple(one["error"] for one in document["failed"])
-    return ResultHead("Day at the range", ", ".join(document["rigs"]), words, bool(document["lost"]), faults)
+    return ResultHead(
+        "Day at the range",
+        ", ".join(document["rigs"]),
+        words,
+        bool(document["lost"]) or shot_index.head(document).doubtful,
+        faults,
+    )
 
 
 def _campaign(document: Document) -> list[Row]:
@@ -70,7 +76,7 @@ def log_section(document: Document) -> Section:
 
 CAMPAIGN = Section(
     "campaign", "Campaign", "What the shots say together.",
-    (Column("name", "Answer", "link"), Column("text", "Mass", "long")), _campaign,
+    (Column("name", "Answer", "link"), Column("text", "Mass", "long")), _campaign, link=None,
 )  # fmt: skip
 LOST = Section(
     "lost", "What was lost", "What a shot's verdict counts as lost, and what is in no shot file, as far as is known.",

@@ -193,6 +193,7 @@ def _rows(document: Document) -> list[Row]:
     lines, this = iter(history["covariance_kg2"]), history["campaigns"][-1]
     rows = [{**one, **flat(one["mass"]), "shared": None, "this": one is this} for one in history["campaigns"]]
     for row in rows:
+        row["sound"] = row["remark"] is None and (document["valid"] or not row["this"])
         if row["remark"] is None:
             covariance_kg2 = next(lines)[-1]
             row["shared"] = None if row["this"] else covariance_kg2 / (this["mass"]["u"] * row["u_kg"])
@@ -243,7 +244,7 @@ HISTORY = ResultTable(
         _compared("e_n", "E_n", "", E_N.worded),
         ResultColumn("remark", "Remark", "long", printed="not compared"),
     ),
-    marks=lambda row: {"page": row["page"], "strong": row["this"], "aside": row["remark"] is not None},
+    marks=lambda row: {"page": row["page"], "strong": row["this"], "aside": not row["sound"]},
 )  # fmt: skip
 """Campaigns of a season, one below the other in the order of firing, the new one last."""
 
@@ -259,8 +260,8 @@ def history_figure(document: Document) -> Figure | None:
         range(len(rows)),
         rows,
         [
-            (label, [(row["remark"] is None) is compared for row in rows], hue)
-            for label, compared, hue in (("mass, 95 % interval", True, 0), ("not compared", False, 7))
+            (label, [row["sound"] is sound for row in rows], hue)
+            for label, sound, hue in (("mass, 95 % interval", True, 0), ("not valid, or not compared", False, 7))
         ],
         band=None if mean is None else (
             "mean of the season, 95 %", (-0.5, len(rows) - 0.5),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from statistics import fmean, stdev
 from typing import Any
 
 from recoil_acquisition.shot.usability import Usability
@@ -12,6 +13,7 @@ from recoil_identification.estimate.conformity import Word
 from recoil_identification.estimate.rounding import rounded
 from recoil_identification.report.content.result_table import (
     ADDED,
+    BARE,
     CONFIGURATION,
     E_N,
     MASS,
@@ -19,6 +21,7 @@ from recoil_identification.report.content.result_table import (
     PEAKS,
     REASON,
     RPE,
+    TONES,
     VERDICT,
     VERDICTS,
     Document,
@@ -27,6 +30,7 @@ from recoil_identification.report.content.result_table import (
     ResultTable,
     Row,
     U,
+    bare_kg,
     flat,
     half_width,
 )
@@ -129,10 +133,34 @@ def summary(document: Document) -> str:
     return f"{len(document['shots'])} rows{of}: {', '.join(said)}{lost}."
 
 
+def sum_row(document: Document) -> Row | None:
+    """Return the row below the shots: how many there are, and how many of them are valid."""
+    rows, valid = document["shots"], document["counts"][VERDICTS[True]]
+    if len(rows) < 2:
+        return None
+    return {
+        "shot": f"{len(rows)} shots",
+        "verdict": f"{valid} valid",
+        "tone": TONES[True if valid == len(rows) else None],
+    }
+
+
+def together(document: Document) -> list[str]:
+    """Say how far the valid masses scatter, without what was added; nothing of fewer than two, or of several rigs."""
+    valid = [one for one in document["shots"] if one["valid"] and not one["exclude"]]
+    masses = [mass for mass in map(bare_kg, valid) if mass is not None]
+    if len(masses) < 2 or len({one["rig"] for one in valid}) > 1:
+        return []
+    less = " less what was added" if any(one["added_mass_kg"] for one in valid) else ""
+    mean, scatter = rounded(fmean(masses), stdev(masses))
+    return [f"The {len(masses)} valid masses{less}: mean {mean} kg, standard deviation {scatter} kg."]
+
+
 def head(document: Document) -> ResultHead:
     """Return the head of the page."""
+    bad = any(document["counts"][VERDICTS[one].replace(" ", "_")] for one in (False, None))
     return ResultHead(
-        "Index of shots", ", ".join(document["rigs"]), (summary(document),),
+        "Index of shots", ", ".join(document["rigs"]), (summary(document),), bad,
         faults=tuple(one["error"] for one in document["failed"]), series_file=INDEX_TABLE, series_name="the shots",
     )  # fmt: skip
 
@@ -212,6 +240,7 @@ INDEX = ResultTable(
         replace(VERDICT, text=verdict),
         CONFIGURATION,
         ADDED,
+        BARE,
         ResultColumn("charge", "Charge"),
         *PEAKS,
         replace(REASON, text=first_reason),
@@ -220,6 +249,10 @@ INDEX = ResultTable(
         "shot", "rig", "started", *LOGGED, "state", "warnings", "valid", "conformity", "reason", *MASS_KEYS,
         "specification_kg", "E_n", "rpe_percent", *PEAK_KEYS, *(f"u_{name}" for name in PEAK_KEYS), "report", "file",
     ),
-    lambda row: {"page": row["report"], "aside": row["exclude"] is not None},
+    lambda row: {
+        "page": row["report"],
+        "aside": row["exclude"] is not None,
+        "tone": "warn" if deviates(row) else TONES[row["valid"]],
+    },
 )  # fmt: skip
 """Shots, one below the other in the order of firing."""

@@ -24,11 +24,18 @@ from recoil_identification.report.figure.campaign_figures import campaign_figure
 from recoil_identification.report.figure.figure import Figure, Panel, Trace
 from recoil_identification.report.figure.figures import report_figures
 from recoil_identification.report.figure.svg import figure_svg
-from recoil_identification.report.paper import typeset
+from recoil_identification.report.paper import paper, typeset
 from recoil_identification.report.paper.paper import campaign_pdf, report_pdf, target_pdf, write_figures
+from recoil_identification.report.sections import (
+    CAMPAIGN_SECTIONS,
+    INDEX_SECTIONS,
+    SHOT_SECTIONS,
+    SWEEP_SECTIONS,
+)
 from recoil_identification.targets.target_document import target_document
 from recoil_identification.targets.target_result import Quantity, Table, TargetResult
 from tests.builders.campaign_summaries import campaign_of
+from tests.builders.paper_edges import beyond
 from tests.builders.virtual_shots import identified, virtual_shot
 
 SHOT_FILE = InputFile("s1.h5", "ab" * 32, 123, "", "shot file")
@@ -266,3 +273,52 @@ def test_the_extra_is_named_where_it_is_missing(monkeypatch):
     for option in ("pdf", "figures"):
         with pytest.raises(StoreError, match=rf"--{option} needs, is not installed; pip install 'typst>=0.15'"):
             typeset.refuse_without_typst(**{"pdf": False, "figures": False, option: True})
+
+
+NAME = "p_recuperator_left_behind_the_carriage"
+LONG = (
+    "delay_s 0.00042; filter_hz 800; filter_type bessel; u_zero_rel 0.001; the amplifier is shared with the breech; "
+    "serial KIS-6215-2026-000000000000000000047110815; range/2026-03-02/0001_dewetron_of_the_second_recorder.csv "
+)
+
+
+def long_cell(column, place):
+    if column.kind == "number":
+        return "\N{MINUS SIGN}1234567.8"
+    return {0: f"§ {NAME}", 1: LONG}.get(place, NAME if column.kind != "long" else LONG * 2)
+
+
+def rows_are_whole(pdf, count):
+    sheets = [page.extract_text() for page in read(pdf).pages]
+    where = {word: [n for n, one in enumerate(sheets) for _ in range(one.count(word))] for word in ("§", "¶")}
+    assert len(where["¶"]) == count
+    return where["§"] == where["¶"]
+
+
+@pytest.mark.indispensable("no cell leaves a sheet: all tables of the house")
+def test_no_letter_of_any_of_our_tables_leaves_the_sheet_and_no_row_is_torn(report, monkeypatch):
+    listed, count = [], 0
+    for one in (*SHOT_SECTIONS, *CAMPAIGN_SECTIONS, *INDEX_SECTIONS, *SWEEP_SECTIONS):
+        if one.columns:
+            row = {column.key: long_cell(column, place) for place, column in enumerate(one.columns)}
+            last = next(column.key for column in reversed(one.columns) if column.kind not in ("bar", "span"))
+            row[last] += " ¶"
+            count += 3
+            listed.append(replace(one, rows=lambda _, row=row: [row] * 3, total=None, caption="", after=lambda _: ()))
+    monkeypatch.setattr(paper, "sections_of", lambda _: listed)
+    pdf = report_pdf(report, [])
+    assert not beyond(pdf)
+    assert rows_are_whole(pdf, count)
+
+
+@pytest.mark.whole_way
+@pytest.mark.parametrize("columns", [3, 8, 13])
+def test_no_letter_of_a_targets_table_leaves_the_sheet_however_many_columns_of_long_texts_it_has(columns):
+    heads = tuple(f"heading of column {k}" for k in range(columns))
+    row = (f"§ {NAME}", *([LONG * 2] * (columns - 2)), f"{LONG} ¶")
+    table = Table("A table", "Of long texts.", heads, (row,) * 4)
+    found = TargetResult("stiffness", "Stiffness", "By inverse dynamics.", (), (), tables=(table,))
+    document = target_document(virtual_shot("mixed").shot, found, version="1.2.3", shot_file=SHOT_FILE)
+    pdf = target_pdf(document, [])
+    assert not beyond(pdf)
+    assert rows_are_whole(pdf, 4)
