@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError, quoted
 from recoil_acquisition.numerics.linear_algebra import on_one_thread
@@ -27,7 +28,7 @@ from recoil_daq.reports.report_folder import way_inside
 from recoil_daq.reports.reproduction.ingredient import Ingredient, digest_differences, rows_since
 from recoil_daq.reports.reproduction.kept_document import Again, KeptDocument
 from recoil_daq.reports.reproduction.kept_report import SHOTS, Kept, KeptTarget
-from recoil_daq.reports.reproduction.places import find_reports, named_in, reports_in, targets_in
+from recoil_daq.reports.reproduction.places import DAY_DEPTH, find_reports, named_in, reports_in, targets_in
 from recoil_daq.reports.reproduction.recomputed import recompute
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
@@ -70,19 +71,24 @@ class KeptCampaign(KeptDocument):
         if "history" in self.document:
             history_again(self.document["history"], self.document)
         Forms.of_document(self.document)
-        return digests, shots, self.issued, self.notes, self.document["set_aside"], provenance["version"]
+        return digests, shots, self.issued, self.notes, self.set_aside, provenance["version"]
 
     @property
     def issued(self) -> Issue:
         """Identity of the answer."""
-        return Issue.model_validate(self.document["issued"])
+        return Issue.model_validate(self.document.get("issued") or {})
+
+    @property
+    def set_aside(self) -> list[dict[str, Any]]:
+        """Shots that are not in it because they are made of the files of another one."""
+        return [dict(one) for one in self.document.get("set_aside") or ()]
 
     @property
     def notes(self) -> list[Note]:
-        """Notes of the run that made it."""
+        """Notes of the run that made it; an earlier version did not state which these are."""
         return [
             Note(NoteCode(one["code"]), one["about"], str(one["text"]))
-            for one in self.document["findings"]
+            for one in self.document.get("findings") or ()
             if one["code"] in OF_THE_RUN
         ]
 
@@ -135,7 +141,7 @@ class KeptCampaign(KeptDocument):
             parameters={},
             pages={one["shot"]: one["report"] for one in stated["shots"] if one["report"] is not None},
             issued=self.issued,
-            set_aside=stated["set_aside"],
+            set_aside=self.set_aside,
             drawn=stated["provenance"].get(DRAWN),
         )
         if "history" in stated:
@@ -272,8 +278,12 @@ def kept_document(path: Path) -> KeptDocument:
 
 
 def documents_in(folder: Path) -> list[Path]:
-    """Return what can be made again in a folder and in those in it: reports, targets' documents, campaigns' answers."""
-    return [*reports_in(folder), *targets_in(folder), *named_in(folder, CAMPAIGN_FILE, CERTIFICATE_FILE)]
+    """Return what can be made again in a folder, as of a day: reports, targets', campaigns' answers, certificates."""
+    return [
+        *reports_in(folder, depth=DAY_DEPTH),
+        *targets_in(folder, depth=DAY_DEPTH),
+        *named_in(folder, CAMPAIGN_FILE, CERTIFICATE_FILE, depth=DAY_DEPTH),
+    ]
 
 
 @on_one_thread

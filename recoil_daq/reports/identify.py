@@ -10,6 +10,7 @@ from typing import Any
 from recoil_acquisition.errors import IdentificationError, ReadError, StoreError
 from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_acquisition.shot.shot import InputFile, Shot
+from recoil_acquisition.store import shot_file_of
 from recoil_daq.arguments import named_shot
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.output import Output, Pages
@@ -172,7 +173,7 @@ def write_report(
     identified(found)
     progress("report")
     forms = output.forms
-    document, files = reported(fired, found, InputFile.of(path), truth, forms)
+    document, files = reported(fired, found, shot_file_of(path), truth, forms)
     pages = report_pages(document, forms, found)
 
     def write(partial: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot.shot import InputFile
+from recoil_acquisition.store import shot_file_of
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import StoredShot, read_stored
@@ -100,7 +101,7 @@ def identify_targets(
         progress(name)
         found = find_target(name, fired, case)
         forms = output.forms
-        document, files = target_reported(fired, found, InputFile.of(path), options, forms)
+        document, files = target_reported(fired, found, shot_file_of(path), options, forms)
         _publish(folder, target_pages(document, forms, found), document, files, output)
         done.append(TargetReported(document, folder))
     return done

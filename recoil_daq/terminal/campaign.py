@@ -22,6 +22,7 @@ from recoil_identification.report.content.campaign_tables import (
     unread_force,
 )
 from recoil_identification.report.content.sentences import by_groups, specified
+from recoil_identification.report.content.tables import expanded_kg
 from recoil_identification.report.results.history import HISTORY
 from recoil_rigs.tables.calibration_day import calibrations_in_words
 from recoil_rigs.tables.specification import mass_decimals
@@ -103,7 +104,7 @@ def print_campaign(document: Mapping[str, Any], folder: Path | None) -> None:
     page = "" if folder is None else f" -> {visible(str(folder / 'campaign.html'))}"
     line = Text("VALID" if d["valid"] else "NOT VALID", style="bold green" if d["valid"] else "bold red")
     line.append(
-        f" mass {mass['value']:.{places}f} kg, u {mass['u']:.{places}f} kg, U {mass['U_kg']:.{places}f} kg "
+        f" mass {mass['value']:.{places}f} kg, u {mass['u']:.{places}f} kg, U {expanded_kg(mass):.{places}f} kg "
         f"(k = {COVERAGE_FACTOR:.2f}), 95 %: {low:.{places}f} to {high:.{places}f} kg, from {used} of "
         f"{len(d['shots'])} shots{page}",
         style="default not bold",

@@ -98,7 +98,7 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
         again, and those printed now are added.
     """
     from recoil_identification.report.content.sentences import by_groups
-    from recoil_identification.report.content.tables import logged, peaks
+    from recoil_identification.report.content.tables import expanded_kg, logged, peaks
 
     d = document
     notes = {m["name"]: m["note"] for m in d["methods"] if told is None or m["note"] not in told}
@@ -128,7 +128,7 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
     rpe, places = d["rpe_percent"], mass_decimals(d["mass"]["u"])
     low, high = (fixed(limit, places) for limit in d["mass"]["U95"])
     say(
-        f"mass {fixed(d['mass']['value'], places)} kg, U {fixed(d['mass']['U_kg'], places)} kg (k = "
+        f"mass {fixed(d['mass']['value'], places)} kg, U {fixed(expanded_kg(d['mass']), places)} kg (k = "
         f"{fixed(d['uncertainty']['coverage_factor'], 2)}), 95 % interval [{low}, {high}] kg, "
         f"E_n {fixed(d['E_n'], 2, sign=True)}"
         + (

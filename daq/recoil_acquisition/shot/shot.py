@@ -51,6 +51,8 @@ class InputFile:
         Name of the rig's source that it was matched to; empty for the record of the acquisition.
     reader
         Name of the reader that read it; ``acquisition`` for that record.
+    seal
+        Seal that a shot file bears in itself, see `recoil_acquisition.store.seal`; empty of other files.
     """
 
     name: str
@@ -58,6 +60,7 @@ class InputFile:
     size: int
     source: str
     reader: str
+    seal: str = ""
 
     @classmethod
     def of(cls, path: Path, source: str = "", reader: str = "shot file") -> InputFile:

@@ -12,6 +12,7 @@ import contextlib
 import json
 import os
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 from weakref import WeakValueDictionary
@@ -28,7 +29,7 @@ from recoil_acquisition.readers.hdf5.kind import SIGNATURE
 from recoil_acquisition.shot.acquisition import AT_TRIGGER
 from recoil_acquisition.shot.causes import Subject, reasons_of, shot_findings
 from recoil_acquisition.shot.recorded_file import RecordedFile
-from recoil_acquisition.shot.shot import Shot
+from recoil_acquisition.shot.shot import InputFile, Shot
 from recoil_acquisition.shot.usability import Usability, usability
 from recoil_acquisition.store.channel_layout import signals_of, time_groups
 from recoil_acquisition.store.file_tree import Group, last_word, tree_of
@@ -46,6 +47,7 @@ from recoil_acquisition.store.layout import (
     read_started,
     write_layout,
 )
+from recoil_acquisition.store.seal import SEAL
 from recoil_acquisition.store.table import finite, json_text, read_text
 
 
@@ -252,6 +254,19 @@ def shot_summary(path: Path) -> dict[str, Any]:
         As `read_shot`.
     """
     return _unchanged(Path(path), "headers", summarise_layout)
+
+
+def shot_file_of(path: Path) -> InputFile:
+    """Describe a shot file for the provenance of what is made of it, with the seal that it bears.
+
+    Raises
+    ------
+    StoreError
+        If it is no shot file.
+    ReadError
+        If it cannot be read to its end.
+    """
+    return replace(InputFile.of(path), seal=str(_asked(path, "schema").attrs.get(SEAL, "")))
 
 
 def recorded_files(path: Path) -> tuple[RecordedFile, ...]:

@@ -12,6 +12,7 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.regular_file import require_name
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot.shot import InputFile
+from recoil_acquisition.store import shot_file_of
 from recoil_acquisition.store.shot_log_row import ShotLogRow
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.identify import report_pages, reported
@@ -73,7 +74,7 @@ class Kept(KeptDocument):
         # what other rows the log had is in the note on the missing one alone
         fired = replace(fired, notes=(*fired.notes, *self.notes_on_log(len(fired.notes))))
         progress("identify")
-        made = self.identified(fired, replace(InputFile.of(path), name=self.shot_file.name))
+        made = self.identified(fired, replace(shot_file_of(path), name=self.shot_file.name))
         before = [f"{one.what}, recoil-daq {one.version}{_parameters(one.parameters)}" for one in fired.shot.history]
         steps = (*before, f"identify, recoil-daq {self.document['provenance']['version']}, {self.what}")
         return replace(made, steps=steps, ingredients=tuple(self._ingredients(path, folders)), fired=fired)
@@ -106,8 +107,11 @@ class Kept(KeptDocument):
         Shot log, rig file and header file go on, and what they said is in the report.
         """
         lasting = [one for one in self.inputs if one.source not in BESIDE]
+        shot_file = found_shot_file(self, folders)
+        # found under another name: another file may bear its own
+        around = [*folders, shot_file.parent] if shot_file.name != self.shot_file.name else folders
         return digest_differences(
-            (folder / one.name, (one.sha256,), one.sha256) for one in lasting for folder in folders
+            (folder / one.name, (one.sha256,), one.sha256) for one in lasting for folder in around
         )
 
     def _ingredients(self, shot_file: Path, folders: Sequence[Path]) -> Iterator[Ingredient]:
@@ -117,7 +121,9 @@ class Kept(KeptDocument):
             absent = (
                 f"not here: what it {'said is in the report' if one.source in BESIDE else 'held is in the shot file'}"
             )
-            named = tuple(folder / one.name for folder in folders if folder != shot_file.parent)
+            # where the file itself has another name, what has its name is said, too
+            around = dict.fromkeys((*folders, shot_file.parent))
+            named = tuple(folder / one.name for folder in around if folder / one.name != path)
             of_log = {"since": since} if one.source == LOG_FILE else {}
             yield Ingredient(one.name, one.sha256, (path,), absent, named=named, **of_log)
 

@@ -15,19 +15,24 @@ from recoil_identification.targets import target_names
 ANEW = "identify the shot anew"
 
 
-def named_in(folder: Path, *names: str) -> list[Path]:
-    """Return the files of some names in a folder and in those in it, in the order of their paths."""
-    return sorted(path for name in names for path in (*folder.glob(name), *folder.glob(f"*/{name}")))
+DAY_DEPTH = 3
+"""Folders between that of a day and a report in it, at most: of a campaign, its reports, and of one of these."""
 
 
-def reports_in(folder: Path) -> list[Path]:
-    """Return the ``report.json`` of a folder and of those in it."""
-    return named_in(folder, REPORT_FILE)
+def named_in(folder: Path, *names: str, depth: int = 1) -> list[Path]:
+    """Return the files of some names in a folder and so many folders below it, in the order of their paths."""
+    ways = [f"{'*/' * steps}{name}" for name in names for steps in range(depth + 1)]
+    return sorted(path for way in ways for path in folder.glob(way))
 
 
-def targets_in(folder: Path) -> list[Path]:
-    """Return the documents of targets in a folder and in those in it."""
-    return named_in(folder, *(f"{target}.json" for target in target_names()))
+def reports_in(folder: Path, *, depth: int = 1) -> list[Path]:
+    """Return the ``report.json`` of a folder and so many folders below it."""
+    return named_in(folder, REPORT_FILE, depth=depth)
+
+
+def targets_in(folder: Path, *, depth: int = 1) -> list[Path]:
+    """Return the documents of targets in a folder and so many folders below it."""
+    return named_in(folder, *(f"{target}.json" for target in target_names()), depth=depth)
 
 
 def find_reports(place: str | Path, within: Callable[[Path], list[Path]] = reports_in) -> list[Path]:

@@ -21,6 +21,7 @@ from recoil_acquisition.store import write_shot
 from recoil_daq import read_report
 from recoil_daq.campaigns.campaign import campaign
 from recoil_daq.reports.identify import identify_file
+from recoil_daq.reports.shot_index import index_shots
 from recoil_identification.report.page.packing import unpacked
 from tests.builders.campaign_reports import write_reports
 from tests.builders.campaign_summaries import campaign_of
@@ -177,6 +178,35 @@ def test_python_and_the_workbook_have_every_digit(shot: HandedOver, tmp_path: Pa
     assert [row[source] for row in rows] == [row["source"] for row in document["budget"]]
     in_kg = [row["u_kg"] for row in document["budget"]]
     assert [row[u_kg] for row in rows] == pytest.approx(in_kg, rel=SIXTEEN_DIGITS, abs=0)
+
+
+@pytest.mark.whole_way
+def test_peaks_are_the_same_in_document_page_paper_terminal_index_workbook_and_python(
+    shot: HandedOver, tmp_path: Path
+) -> None:
+    document, read = shot.document, read_report(shot.folder)
+    known, u, page = document["peaks"], document["peaks_u"], text_of(shot.page)
+    paper = tight(" ".join(sheet.extract_text() for sheet in shot.paper.pages))
+    assert len(known) == 8
+    for scale, name, unit in (
+        (1e-6, "breech_pressure_pa", "MPa"), (1.0, "recoil_velocity_m_s", "m/s"), (1e-3, "impulse_n_s", "kN s"),
+    ):  # fmt: skip
+        half = scale * (document["peaks_U95"][name][1] - known[name])
+        said = f"{two_digits(scale * known[name], half)} ± {two_digits(half)} {unit}"
+        assert said in page
+        assert tight(said) in paper
+        assert tight(said.replace("\N{MINUS SIGN}", "-")) in tight(str(read)), str(read)
+    table = read.peaks.set_index("quantity")
+    assert (table["value"].to_dict(), table["u"].to_dict()) == (known, u)
+    index_shots([shot.folder.parent], out=tmp_path / "index", xlsx=True)
+    (row,) = csv.DictReader(io.StringIO((tmp_path / "index" / "index.csv").read_text("utf-8")))
+    assert {name: float(row[name]) for name in known} == known
+    assert {name: float(row[f"u_{name}"]) for name in u} == u
+    for path, sheet in ((tmp_path / "index" / "index.xlsx", "shots"), (read.to_excel(tmp_path / "r.xlsx"), "peaks")):
+        columns, *rows = openpyxl.load_workbook(path, data_only=True)[sheet].iter_rows(values_only=True)
+        cells = [dict(zip(columns, one, strict=True)) for one in rows]
+        values = cells[0] if sheet == "shots" else {one["quantity"]: one["value"] for one in cells}
+        assert [values[name] for name in known] == pytest.approx(list(known.values()), rel=SIXTEEN_DIGITS, abs=0)
 
 
 @pytest.mark.whole_way

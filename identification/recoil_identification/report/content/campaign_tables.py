@@ -28,6 +28,7 @@ from recoil_identification.report.content.result_table import (
 )
 from recoil_identification.report.content.sentences import by_groups, effective, specified
 from recoil_identification.report.content.tables import PEAKS as QUANTITIES
+from recoil_identification.report.content.tables import expanded_kg
 from recoil_rigs.shots.assumptions import assumption_lines
 from recoil_rigs.tables.specification import mass_decimals
 
@@ -142,7 +143,7 @@ def facts(document: Document) -> list[tuple[str, str]]:
     """Label and text of what stands in small print under the verdict."""
     gain, friction = document["repeatability"]["gain_rel"], document["repeatability"]["friction_rel"]
     cutoff_hz = document["provenance"]["parameters"].get("cutoff_hz")
-    expanded = fixed(document["mass"]["U_kg"], mass_decimals(document["mass"]["u"]))
+    expanded = fixed(expanded_kg(document["mass"]), mass_decimals(document["mass"]["u"]))
     factors = [("coverage factors", f"{COVERAGE_FACTOR:.2f} of the interval, U = {expanded} kg; 2 of Eₙ")]
     of, parts = specified(document), by_groups(document)
     found = [

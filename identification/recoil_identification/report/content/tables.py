@@ -53,6 +53,12 @@ NO_TOLERANCE = (
 SEVERITY = {"fail": 0, "warn": 1, "ok": 2}
 
 
+def expanded_kg(mass: Mapping[str, Any]) -> float:
+    """Return half the width of a mass's 95 % interval: earlier documents state the interval alone."""
+    stated = mass.get("U_kg")
+    return float(0.5 * (mass["U95"][1] - mass["U95"][0]) if stated is None else stated)
+
+
 def verdict(report: Report) -> Row:
     """Word the page's first line.
 
@@ -429,6 +435,11 @@ def inputs(document: Report) -> list[Row]:
     """One row for each file that a document rests on, and one for the rig file's text, with their whole digests."""
     provenance = document["provenance"]
     rig = provenance.get("rig")
+    sealed = [
+        {"file": f"seal of {one['file']}", "source": "what the file says of itself", "sha256": one["seal"]}
+        for one in provenance.get("inputs") or ()
+        if one.get("seal")
+    ]
     texts = (
         [] if rig is None else [{"file": f"rig {rig['name']}", "source": "rig file's text", "sha256": rig["sha256"]}]
     )
@@ -439,7 +450,7 @@ def inputs(document: Report) -> list[Row]:
             "size": str(entry["size"]) if entry.get("size") else "",
             "sha256": str(entry.get("sha256") or NO_NUMBER),
         }
-        for entry in (*(provenance.get("inputs") or ()), *texts)
+        for entry in (*(provenance.get("inputs") or ()), *sealed, *texts)
     ]
 
 

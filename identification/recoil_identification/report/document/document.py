@@ -259,6 +259,7 @@ def provenance_inputs(shot: Shot, shot_file: InputFile, beside: Sequence[InputFi
     spans = [None] * (1 + len(beside)) + [one.span_s for one in RecordedFile.of_shot(shot.inputs, shot.history)]
     return [
         {"file": f.name, "sha256": f.sha256, "size": f.size, "source": f.source, "reader": f.reader}
+        | ({"seal": f.seal} if f.seal else {})
         | ({} if span_s is None else {"excerpt": {"start_s": span_s[0], "stop_s": span_s[1]}})
         for f, span_s in zip((shot_file, *beside, *shot.inputs), spans, strict=True)
     ]
