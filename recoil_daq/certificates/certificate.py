@@ -170,7 +170,7 @@ def certified(sources: Sources, issued: Issue, header: InputFile, forms: Forms, 
     signed
         Whether signatures stand beside it.
     """
-    inputs = [*sources.inputs, {"file": header.name, "what": Behind.HEADER, "sha256": header.sha256}]
+    inputs = [*sources.inputs, {"file": header.name, "kind": Behind.HEADER, "sha256": header.sha256}]
     with told_in_one_line("this document has something else where a number or a name belongs", sources.of.path):
         return certificate_document(
             sources.of.document, [one.document for one in sources.reports], issued, version=__version__, inputs=inputs,

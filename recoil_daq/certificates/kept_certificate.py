@@ -59,7 +59,7 @@ class KeptCertificate(KeptDocument):
     def inputs(self) -> list[InputFile]:
         """Files that it rests on, the document that it is of first."""
         return [
-            InputFile(str(one["file"]), str(one["sha256"]), 0, str(one["what"]), "")
+            InputFile(str(one["file"]), str(one["sha256"]), 0, str(one["kind"]), "")
             for one in self.document["provenance"]["inputs"]
         ]
 

@@ -151,12 +151,12 @@ class Sources:
     @property
     def inputs(self) -> list[dict[str, str]]:
         """File, kind and digest of each document, and of the shot file that each report says it was made of."""
-        found = [{"file": self.of.named, "what": self.of.kind, "sha256": self.of.sha256}]
+        found = [{"file": self.of.named, "kind": self.of.kind, "sha256": self.of.sha256}]
         for one in self.reports:
             if one is not self.of:
-                found.append({"file": one.named, "what": one.kind, "sha256": one.sha256})
+                found.append({"file": one.named, "kind": one.kind, "sha256": one.sha256})
             shot_file = one.document["provenance"]["inputs"][0]
-            found.append({"file": str(shot_file["file"]), "what": Behind.SHOT, "sha256": str(shot_file["sha256"])})
+            found.append({"file": str(shot_file["file"]), "kind": Behind.SHOT, "sha256": str(shot_file["sha256"])})
         return found
 
 

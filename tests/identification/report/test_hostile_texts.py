@@ -18,28 +18,31 @@ from pypdf import PdfReader
 from recoil_acquisition.shot.shot import InputFile
 from recoil_identification.campaign.combination import combine
 from recoil_identification.report.document.campaign_document import campaign_document, campaign_table
+from recoil_identification.report.document.certificate_document import Behind, certificate_document
 from recoil_identification.report.document.document import report_document
 from recoil_identification.report.document.spreadsheet import write_workbook
 from recoil_identification.report.figure.figure import Figure, HorizontalLine, Panel, Span, Trace
 from recoil_identification.report.page.html import (
     render_campaign_page,
+    render_certificate_page,
     render_page,
     render_results_page,
     render_target_page,
 )
-from recoil_identification.report.paper.paper import campaign_pdf, report_pdf, target_pdf
+from recoil_identification.report.paper.paper import campaign_pdf, certificate_pdf, report_pdf, target_pdf
 from recoil_identification.report.results.beside import Laid, beside_document
 from recoil_identification.report.results.shot_index import INDEX, index_document, row_of_report
 from recoil_identification.report.results.sweep import SWEEP, found_row, sweep_document
 from recoil_identification.targets.target_document import target_document
 from recoil_identification.targets.target_result import Quantity, Table, TargetResult
+from recoil_rigs.tables.issue import Issue
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.virtual_shots import identified, virtual_shot
 
 EVIL = "\x1b[2J\u202eevil\u2066\x00\ud800<script>alert(1)</script><b onload=x>'\"&{{7*7}}#panic()$x$\\input{x}%{y}"
 DECIDING = (
     "schema", "verdict", "status", "unit", "kind", "severity", "type", "method", "target", "sha256", "logo", "group",
-    "key",
+    "key", "certified", "word", "rule", "date",
 )  # fmt: skip
 """Keys of words that decide something, and of what is checked before a page is made."""
 OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -84,6 +87,15 @@ def of_campaign() -> dict[str, Any]:
     return document
 
 
+def of_certificate() -> dict[str, Any]:
+    issued = Issue(
+        number="K-1", laboratory="L", item="i", date="2026-11-28", decision_rule="guard band", tolerance_kg=(-4, 4)
+    )
+    inputs = [{"file": "0001/report.json", "kind": Behind.REPORT, "sha256": "ab" * 32}]
+    source = {**of_shot(), "valid": True}
+    return certificate_document(source, [source], issued, version="1", inputs=inputs, drawn={})
+
+
 def of_index() -> dict[str, Any]:
     row = row_of_report(of_shot())
     return index_document([row, row], version="1", failed=[{"file": "f", "error": "no file"}])
@@ -106,6 +118,7 @@ PAGES: dict[str, tuple[Callable[[], dict[str, Any]], Callable[[dict[str, Any]], 
     "shot": (of_shot, lambda one: render_page(one, [a_figure()])),
     "target": (of_target, lambda one: render_target_page(one, [a_figure()])),
     "campaign": (of_campaign, lambda one: render_campaign_page(one, [a_figure()])),
+    "certificate": (of_certificate, render_certificate_page),
     "index": (of_index, render_results_page),
     "sweep": (of_sweep, lambda one: render_results_page(one, [a_figure()])),
     "beside": (of_beside, lambda one: render_results_page(one, [a_figure()])),
@@ -129,7 +142,11 @@ def test_a_page_shows_what_it_would_obey_as_it_is_spelled(kind: str) -> None:
 
 @pytest.mark.whole_way
 @pytest.mark.parametrize(
-    ("kind", "made"), [("shot", report_pdf), ("target", target_pdf), ("campaign", campaign_pdf)]
+    ("kind", "made"),
+    [
+        ("shot", report_pdf), ("target", target_pdf), ("campaign", campaign_pdf),
+        ("certificate", lambda one, _: certificate_pdf(one)),
+    ],
 )  # fmt: skip
 def test_paper_shows_it_as_it_is_spelled(kind: str, made: Callable[..., bytes]) -> None:
     content = made(poisoned(PAGES[kind][0]()), [a_figure()])

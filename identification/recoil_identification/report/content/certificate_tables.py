@@ -42,12 +42,12 @@ def number_of(document: Document) -> str:
 def tested(document: Document) -> str:
     """Say in short what was tested."""
     names = [one["shot"] for one in document["shots"]]
-    return f"shot {names[0]}" if document["of"] == "shot" else f"campaign of {len(names)} shots"
+    return f"shot {names[0]}" if document["certified"] == "shot" else f"campaign of {len(names)} shots"
 
 
 def results(document: Document) -> list[Row]:
     """One row for the mass, and one for each quantity beside it: of a shot, or the mean of those fired alike."""
-    of_shot = document["of"] == "shot"
+    of_shot = document["certified"] == "shot"
     return [_result(document, one) for one in document["results"] if one["shot"] is None or of_shot]
 
 
@@ -87,7 +87,7 @@ def _freedom(one: Mapping[str, Any]) -> str:
 
 def peaks_section(document: Document) -> tuple[Section, ...]:
     """Return the section of the quantities of a campaign's shots, a row a shot; none of a single shot."""
-    if document["of"] == "shot":
+    if document["certified"] == "shot":
         return ()
     keys = list(dict.fromkeys(one["key"] for one in document["results"] if one["shot"] is not None))
     if not keys:
@@ -209,6 +209,6 @@ def deviations(document: Document) -> list[str]:
 def chain(document: Document) -> list[Row]:
     """One row for each file that the certificate rests on, with its digest."""
     return [
-        {"file": one["file"], "what": BEHIND[Behind(one["what"])], "sha256": one["sha256"]}
+        {"file": one["file"], "what": BEHIND[Behind(one["kind"])], "sha256": one["sha256"]}
         for one in document["provenance"]["inputs"]
     ]

@@ -93,7 +93,7 @@ def certificate_document(
     by_name = {str(one["shot"]): one for one in reports}
     document = {
         "schema": SCHEMA,
-        "of": "campaign" if of_campaign else "shot",
+        "certified": "campaign" if of_campaign else "shot",
         "name": str(source["rig"] if of_campaign else source["shot"]),
         "rig": source["rig"],
         "first_fired": min((str(one["started"]) for one in reports if one.get("started")), default=None),

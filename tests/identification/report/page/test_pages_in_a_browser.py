@@ -15,6 +15,7 @@ from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot.shot import InputFile
 from recoil_identification.campaign.combination import combine
 from recoil_identification.report.document.campaign_document import campaign_document, with_history
+from recoil_identification.report.document.certificate_document import Behind, certificate_document
 from recoil_identification.report.document.document import report_document
 from recoil_identification.report.document.report_files import to_json
 from recoil_identification.report.figure.campaign_figures import campaign_figures
@@ -22,6 +23,7 @@ from recoil_identification.report.figure.figures import report_figures
 from recoil_identification.report.page.html import (
     PAGE_NAME,
     render_campaign_page,
+    render_certificate_page,
     render_page,
     render_results_page,
     render_target_page,
@@ -270,8 +272,8 @@ SCRIPTS = re.compile("<script.*?</script>", re.DOTALL)
 WIDTHS_PX = (1400, 1024, 900, 761, 700, 390)
 DARK_PX = (1024, 390)
 """Nothing is wider in another colour."""
-KINDS = ("shot", "target", "campaign", "season", "sweep", "index")
-DRAWN = tuple(name for name in KINDS if name != "index")
+KINDS = ("shot", "target", "campaign", "season", "sweep", "index", "certificate")
+DRAWN = tuple(name for name in KINDS if name not in ("index", "certificate"))
 """Kinds that have figures."""
 SHEET_PX = 690
 """Width of an A4 sheet between its margins."""
@@ -359,6 +361,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "season": a_season(),
         "sweep": a_sweep(),
         "index": an_index(),
+        "certificate": a_certificate(report),
     }
     write_script(folder)
     for name in KINDS:
@@ -381,6 +384,17 @@ def a_season() -> str:
     season = history_figure(document)
     assert season is not None
     return render_campaign_page(document, [season, *figures])
+
+
+def a_certificate(report: dict[str, Any]) -> str:
+    """Return the page of a certificate with long texts, and of a report that is conceded."""
+    issued = Issue(
+        laboratory="Range North, 1 Proof Road, 123 45 Northtown", number="K-2026-0001-of-the-third-campaign",
+        concession="accepted by N because only the peaks are needed", tolerance_kg=(-4.0, 4.0), date="2026-11-28",
+        replaces="K-2026-0000, issue 1: the customer's name was wrong", decision_rule="guard band",
+    )  # fmt: skip
+    inputs = [{"file": "0001/report.json", "kind": Behind.REPORT, "sha256": "ab" * 32}]
+    return render_certificate_page(certificate_document(report, [report], issued, version="1", inputs=inputs, drawn={}))
 
 
 SEASONS = ("spring", "summer", "autumn")
