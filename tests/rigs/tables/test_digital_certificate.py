@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import datetime as dt
-import random
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError, RecoilDaqError, RigError
@@ -154,12 +154,12 @@ def test_bytes_that_were_spoilt_anywhere_are_refused_or_change_nothing_of_a_sign
     tmp_path: Path, signed: bool
 ) -> None:
     whole = laboratory().signed() if signed else CERTIFICATE.encode("utf-8")
-    sound, rng = read_digital_certificate(written(tmp_path, whole)), random.Random(7)
+    sound, rng = read_digital_certificate(written(tmp_path, whole)), np.random.default_rng(7)
     for _ in range(60):
         spoilt = bytearray(whole)
-        for _ in range(rng.choice((1, 1, 4))):
-            spoilt[rng.randrange(len(spoilt))] = rng.randrange(256)
-        cut = spoilt[: rng.randrange(len(spoilt))] if rng.random() < 0.2 else spoilt
+        for _ in range(rng.choice([1, 1, 4])):
+            spoilt[rng.integers(len(spoilt))] = int(rng.integers(256))
+        cut = spoilt[: rng.integers(len(spoilt))] if rng.random() < 0.2 else spoilt
         try:
             found = read_digital_certificate(written(tmp_path, bytes(cut)))
         except RecoilDaqError:
