@@ -176,6 +176,14 @@ def test_another_document_around_the_signed_one_is_refused(tmp_path: Path) -> No
         read_digital_certificate(written(tmp_path, forged.replace("<si:value>40.2<", "<si:value>50.2<", 1)))
 
 
+def test_of_a_document_around_what_was_signed_by_name_the_signed_part_alone_is_read(tmp_path: Path) -> None:
+    signed = laboratory().signed_by_name()
+    assert read_digital_certificate(written(tmp_path, signed)).signer == "CN=Calibration Lab"
+    other = CERTIFICATE.replace("40.2<", "50.2<", 1)
+    forged = other.replace("</dcc:measurementResults>", f"</dcc:measurementResults><dcc:comment>{signed}</dcc:comment>")
+    assert read_digital_certificate(written(tmp_path, forged)).cells["sensitivity"] == 40.2
+
+
 def test_a_signer_whom_a_list_beside_it_revokes_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path, laboratory().signed())
     (tmp_path / "other.crl").write_bytes(laboratory("Another").revoking())
