@@ -87,6 +87,19 @@ class Laboratory:
         pem = self.certificate.public_bytes(serialization.Encoding.PEM)
         return bytes(etree.tostring(signer.sign(root, key=self.key, cert=pem), xml_declaration=True, encoding="UTF-8"))
 
+    def signed_by_name(self) -> str:
+        """Sign a document by the name of its root, so that it is signed wherever it stands."""
+        from lxml import etree
+        from signxml.signer import XMLSigner
+
+        root = etree.fromstring(CERTIFICATE.encode("utf-8"))
+        root.set("Id", "signed")
+        pem, signer = (
+            self.certificate.public_bytes(serialization.Encoding.PEM),
+            XMLSigner(signature_algorithm="ecdsa-sha256"),
+        )
+        return etree.tostring(signer.sign(root, key=self.key, cert=pem, reference_uri="signed"), encoding="unicode")
+
     def revoking(self) -> bytes:
         """List of revoked certificates that names its own."""
         revoked = (

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import datetime as dt
-import random
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError, RecoilDaqError, RigError
@@ -154,12 +154,12 @@ def test_bytes_that_were_spoilt_anywhere_are_refused_or_change_nothing_of_a_sign
     tmp_path: Path, signed: bool
 ) -> None:
     whole = laboratory().signed() if signed else CERTIFICATE.encode("utf-8")
-    sound, rng = read_digital_certificate(written(tmp_path, whole)), random.Random(7)
+    sound, rng = read_digital_certificate(written(tmp_path, whole)), np.random.default_rng(7)
     for _ in range(60):
         spoilt = bytearray(whole)
-        for _ in range(rng.choice((1, 1, 4))):
-            spoilt[rng.randrange(len(spoilt))] = rng.randrange(256)
-        cut = spoilt[: rng.randrange(len(spoilt))] if rng.random() < 0.2 else spoilt
+        for _ in range(rng.choice([1, 1, 4])):
+            spoilt[rng.integers(len(spoilt))] = int(rng.integers(256))
+        cut = spoilt[: rng.integers(len(spoilt))] if rng.random() < 0.2 else spoilt
         try:
             found = read_digital_certificate(written(tmp_path, bytes(cut)))
         except RecoilDaqError:
@@ -174,6 +174,14 @@ def test_another_document_around_the_signed_one_is_refused(tmp_path: Path) -> No
     forged = changed("</dcc:measurementResults>", f"</dcc:measurementResults><dcc:comment>{signed}</dcc:comment>")
     with pytest.raises(CorruptFileError, match=r"changed after it was signed|signature cannot be checked"):
         read_digital_certificate(written(tmp_path, forged.replace("<si:value>40.2<", "<si:value>50.2<", 1)))
+
+
+def test_of_a_document_around_what_was_signed_by_name_the_signed_part_alone_is_read(tmp_path: Path) -> None:
+    signed = laboratory().signed_by_name()
+    assert read_digital_certificate(written(tmp_path, signed)).signer == "CN=Calibration Lab"
+    other = CERTIFICATE.replace("40.2<", "50.2<", 1)
+    forged = other.replace("</dcc:measurementResults>", f"</dcc:measurementResults><dcc:comment>{signed}</dcc:comment>")
+    assert read_digital_certificate(written(tmp_path, forged)).cells["sensitivity"] == 40.2
 
 
 def test_a_signer_whom_a_list_beside_it_revokes_is_refused(tmp_path: Path) -> None:
