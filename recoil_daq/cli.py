@@ -126,7 +126,7 @@ COMMANDS = {
         "recoil-daq show shots/0001.h5, or of a bus and its database: recoil-daq show bus.blf bus.dbc",
     ),
     "export": Command(
-        "files",
+        "exports",
         "Write a shot's channels in another format, verified, and say what is exact and what is lost.",
         "recoil-daq export shots/0001.h5 --format mdf4 --out exports",
     ),

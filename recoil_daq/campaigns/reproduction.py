@@ -278,7 +278,7 @@ def kept_document(path: Path) -> KeptDocument:
 
 
 def documents_in(folder: Path) -> list[Path]:
-    """Return what can be made again in a folder, as of a day: reports, targets', campaigns' answers, certificates."""
+    """Return what can be made again in a folder, as of a day: reports, targets, campaigns, certificates."""
     return [
         *reports_in(folder, depth=DAY_DEPTH),
         *targets_in(folder, depth=DAY_DEPTH),

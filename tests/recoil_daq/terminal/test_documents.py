@@ -91,9 +91,10 @@ def test_a_calibration_that_does_not_cover_the_day_stands_beside_the_result(iden
     for valid, word in ((True, "VALID, but"), (False, "and:")):
         reasons = [] if valid else ["a reason"]
         report = {**identified.report, "valid": valid, "reasons": reasons, "deviation": None, "findings": [finding]}
+        report["calibration_day"] = {"on": "2026-03-02", "of": "start"}
         shot = printed(report, print_report, identified.reports / "0001")
         assert f"{word} {said}" in " ".join(shot.split())
-    masses = printed([{**identified.report, "valid": True, "findings": [finding]}] * 2, print_masses)
+    masses = printed([{**report, "valid": True, "reasons": []}] * 2, print_masses)
     assert " ".join(masses.split()).count("a calibration does not cover") == 2
 
 

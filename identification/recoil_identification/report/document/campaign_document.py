@@ -36,7 +36,6 @@ from recoil_identification.report.document.report_files import (
 from recoil_identification.report.document.spreadsheet import csv_text
 from recoil_identification.rows.unread_resistance import FORCE
 from recoil_identification.shot.peaks import LABELS, UNITS
-from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.tables.issue import NOTHING_STATED, Issue
 
 SCHEMA = "recoil-daq/campaign/1"
@@ -196,8 +195,8 @@ def _constants(campaign: Campaign) -> list[dict[str, Any]]:
 def _dated(campaign: Campaign) -> Iterator[Caution]:
     """Name the channels whose calibrations do not cover the day of a shot of the campaign, once each."""
     for one in _channels(campaign):
-        starts = [used.shot.started for used in campaign.shots if used.shot.name in one["shots"] and not used.excluded]
-        for day in (CalibrationDay.of_start(start, DayOf.INGEST) for start in starts if start):
+        fired = [used.shot for used in campaign.shots if used.shot.name in one["shots"] and not used.excluded]
+        for day in filter(None, (shot.calibration_day for shot in fired)):
             if said := "; ".join(filter(None, day.faults(_date(one["calibrated"]), _date(one["due"])))):
                 yield Caution(Check.CALIBRATION, one["channel"], f"{one['channel']}: {said}")
                 break
@@ -390,6 +389,7 @@ def _shot(used: Used, page: str | None) -> dict[str, Any]:
         "peaks_u": dict(shot.peaks_u),
         "shot_log": dict(shot.log),
         "report": page,
+        "calibration_day": None if shot.calibration_day is None else shot.calibration_day.to_json(),
     }
 
 

@@ -198,6 +198,10 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("budget.random errors of the shots.degrees_of_freedom", Formula(
         "2 (v / u(v))^2, v the variance of what is random, u(v) its spread over scatters; infinite where they agree",
         "JCGM 100:2008 (GUM), G.3", ("repeatability",))),
+    ("budget.random errors of this shot.degrees_of_freedom", _U_OF_ROWS),
+    ("budget.*.degrees_of_freedom", Formula(
+        "1 / (2 r^2), r = 0.25 the share to which the u is known of what the rig does not state; nu of a certificate",
+        "JCGM 100:2008 (GUM), G.4.2")),
     ("peaks.*_pressure_pa", Formula(
         f"{_PEAK} of a polynomial of degree 4 through the samples above 95 % of it, {_TAKEN_OFF}",
         "the channel of the shot file", ("interval_s", "sensors"), GAUGE_ROLES)),
@@ -228,7 +232,8 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("uncertainty.degrees_of_freedom", Formula("u^4 / sum(u_i^4 / nu_i)", "JCGM 100:2008 (GUM), (G.2b)", ("budget",))),
     ("uncertainty.coverage_factor", Formula("97.5 % quantile of Student's t", "JCGM 100:2008 (GUM), G.3.2",
                                             ("uncertainty.degrees_of_freedom",))),
-    ("uncertainty.U_kg", Formula("U = k u", "JCGM 100:2008 (GUM), 6.2.1", ("uncertainty.coverage_factor", "mass.u"))),
+    ("uncertainty.U_kg", Formula("half the width of the interval: U = k u", "JCGM 100:2008 (GUM), 6.2.1, or JCGM "
+                                 "101:2008, 8.2, as uncertainty.interval_by says", ("mass.U95",))),
     ("uncertainty.frisch_bracket_kg", Formula("sum a F / sum a^2 to sum F^2 / sum a F", "R. Frisch, 1934")),
     ("uncertainty.monte_carlo.*", Formula(
         "propagation of distributions, in blocks of draws until the results stand to the tolerance",
