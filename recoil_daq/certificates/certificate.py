@@ -171,7 +171,8 @@ def certified(sources: Sources, issued: Issue, header: InputFile, forms: Forms, 
         Whether signatures stand beside it.
     """
     inputs = [*sources.inputs, {"file": header.name, "kind": Behind.HEADER, "sha256": header.sha256}]
-    with told_in_one_line("this document has something else where a number or a name belongs", sources.of.path):
+    remedy = "an earlier version did not state all that a certificate has: identify the shots anew"
+    with told_in_one_line("no certificate can be made of this document", sources.of.path, remedy=remedy):
         return certificate_document(
             sources.of.document, [one.document for one in sources.reports], issued, version=__version__, inputs=inputs,
             drawn=forms.to_json(), signatures=SIGNATURES if signed else (),

@@ -140,11 +140,14 @@ class KeptCertificate(KeptDocument):
         for one in self.inputs:
             if one.source != Behind.SHOT:
                 continue
-            there = list(candidates(one.name, self.home, folders))
-            if not there:
+            if found_by_digest(one.name, one.sha256, self.home, folders) is not None:
+                continue
+            # further away another day's shot may have its name
+            near = next(candidates(one.name, self.home, folders, far=False), None)
+            if near is None:
                 found.append(NotCompared(one.name, "this shot file is not here: its digest stands", stated=False))
-            elif all(InputFile.of(path).sha256 != one.sha256 for path in there):
-                found.append(Difference(f"SHA-256 of {there[0]}", one.sha256, InputFile.of(there[0]).sha256))
+            else:
+                found.append(Difference(f"SHA-256 of {near}", one.sha256, InputFile.of(near).sha256))
         named = ((folder / one.name, (one.sha256,), one.sha256) for one in self.inputs for folder in folders)
         return Comparison.of(found).joined(digest_differences(named))
 

@@ -156,11 +156,12 @@ class Sources:
             if one is not self.of:
                 found.append({"file": one.named, "kind": one.kind, "sha256": one.sha256})
             shot_file = one.document["provenance"]["inputs"][0]
-            found.append({"file": str(shot_file["file"]), "kind": Behind.SHOT, "sha256": str(shot_file["sha256"])})
+            stated = {"file": str(shot_file["file"]), "kind": Behind.SHOT, "sha256": str(shot_file["sha256"])}
+            found.append(stated | ({"seal": str(shot_file["seal"])} if shot_file.get("seal") else {}))
         return found
 
 
-def candidates(file: str, home: Path, folders: Sequence[Path]) -> Iterator[Path]:
+def candidates(file: str, home: Path, folders: Sequence[Path], *, far: bool = True) -> Iterator[Path]:
     """Yield the files that may be the one that a document names, each once.
 
     Parameters
@@ -168,7 +169,11 @@ def candidates(file: str, home: Path, folders: Sequence[Path]) -> Iterator[Path]
     file
         Name of the file, with or without that of its folder.
     home
-        Folder of the document; those above it are looked through, too.
+        Folder of the document.
+    folders
+        Folders that are looked through before it.
+    far
+        Whether those above the one that it stands in are looked through, too, and those beside it.
 
     Raises
     ------
@@ -181,7 +186,8 @@ def candidates(file: str, home: Path, folders: Sequence[Path]) -> Iterator[Path]
     if len(above) > 1:
         raise ValueError(f"a file called {file[:40]!r}, which is no name of one in a folder")
     beside = sorted(path for path in home.parent.glob("*") if path.is_dir())
-    places = [*folders, home, *home.parents[:3], *beside, Path.cwd()]
+    further = [*home.parents[1:3], *beside, Path.cwd()] if far else []
+    places = [*folders, home, home.parent, *further]
     ways = dict.fromkeys(
         place / within / way for place in places for within in WITHIN for way in ("/".join((*above, name)), name)
     )

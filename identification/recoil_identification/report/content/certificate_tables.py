@@ -207,8 +207,12 @@ def deviations(document: Document) -> list[str]:
 
 
 def chain(document: Document) -> list[Row]:
-    """One row for each file that the certificate rests on, with its digest."""
+    """One row for each file that the certificate rests on, with its digest, and the seal that a shot file bears."""
     return [
-        {"file": one["file"], "what": BEHIND[Behind(one["kind"])], "sha256": one["sha256"]}
+        {"file": one["file"], "what": what, "sha256": digest}
         for one in document["provenance"]["inputs"]
+        for what, digest in (
+            (BEHIND[Behind(one["kind"])], one["sha256"]),
+            *([("its seal", one["seal"])] if one.get("seal") else ()),
+        )
     ]

@@ -75,7 +75,7 @@ def certificate_document(
     version
         Version of the package.
     inputs
-        File and digest of each document that it is made of, and of each shot file behind these.
+        File, kind and digest of each document that it is made of, and of each shot file behind these, with its seal.
     drawn
         Forms in which it is drawn.
     signatures
