@@ -49,6 +49,12 @@ COMMANDS = {
         "Write the page of a day: its shots, their campaign, the shot log, what was lost, and what to copy.",
         "recoil-daq day shots",
     ),
+    "certificate": Command(
+        "handover",
+        "Write the certificate of a shot or a campaign: identity, results, decision rule, calibrations, signature.",
+        "recoil-daq certificate campaign --header header.toml --sign signer.pem, and who holds it: recoil-daq explain "
+        "certificate --check",
+    ),
     "pack": Command(
         "handover",
         "Pack a day into one archive with the digest of each file, which `explain` compares.",

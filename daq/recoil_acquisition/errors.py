@@ -86,6 +86,8 @@ class ErrorCode(StrEnum):
     """An optional library is needed, which the remedy installs."""
     EXISTS = "exists"
     """A file or folder to be written is there already, and nothing is overwritten unless that is asked for."""
+    NOT_VALID = "not valid"
+    """A result is not valid, and what was asked for is made of valid ones alone."""
 
 
 class RecoilDaqError(Exception):

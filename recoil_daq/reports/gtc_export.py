@@ -43,7 +43,7 @@ def export_report(path: str | Path, *, out: str | Path = "exports", overwrite: b
     with system_errors_as(StoreError, file, "written", "check the folder and the space on the disk"):
         file.parent.mkdir(parents=True, exist_ok=True)
         try:
-            temporary.write_text(json.dumps(archive, indent=1), encoding="utf-8")
+            temporary.write_text(json.dumps(archive, indent=1), encoding="utf-8", newline="\n")
             size = temporary.stat().st_size
             give_name(temporary, file, overwrite=overwrite)
         finally:

@@ -24,7 +24,7 @@ from recoil_rigs.rig import Rig, load_rig, parse_rig
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.shots.rig_correction import Correction, corrected_channels, corrections
 from recoil_rigs.tables.calibration_day import DAY_OF, CalibrationDay
-from recoil_rigs.tables.issue import NOTHING_STATED, Issue, read_header
+from recoil_rigs.tables.issue import NOTHING_STATED, SHOT, Issue, read_header
 
 RIG_FILE = "rig file"
 """Source of a corrected rig file among the inputs of a report."""
@@ -73,8 +73,11 @@ class StoredShot(FiredShot):
 
     @property
     def issued(self) -> Issue:
-        """Identity of the report: that of the header file, and of the rig what that leaves out."""
-        return self.header.over(self.rig.report)
+        """Identity of the report: that of the header file, and of the rig what that leaves out.
+
+        ReadError as of `recoil_rigs.tables.issue.Issue.named`.
+        """
+        return self.header.over(self.rig.report).named(SHOT, self.shot.name)
 
     @property
     def beside(self) -> tuple[InputFile, ...]:

@@ -137,6 +137,7 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
             else f", RPE {fixed(rpe['value'], 2)} % [{fixed(rpe['U95'][0], 2)}, {fixed(rpe['U95'][1], 2)}]"
         )
     )
+    print_conformity(d)
     if "measurand" in d:
         say_once((f"it is {d['measurand']}",), told)
     if parts := by_groups(d):
@@ -148,6 +149,14 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
         say_once((rpe["meaning"],), told)
     say(low_passes(d))
     print_outcome(d, None if folder is None else folder / "report.html", told)
+
+
+def print_conformity(document: Mapping[str, Any]) -> None:
+    """Print the one word of the conformity and its rule, where a tolerance is stated."""
+    from recoil_identification.report.content.tables import conformity
+
+    if said := conformity(document)["said"]:
+        say(said)
 
 
 def _specification(document: Mapping[str, Any]) -> str:
@@ -251,7 +260,7 @@ def print_index(document: Mapping[str, Any]) -> None:
     document
         Document of ``index --json``.
     """
-    from recoil_identification.report.results.shot_index import deviates, first_reason, summary
+    from recoil_identification.report.results.shot_index import conformity, deviates, first_reason, summary
 
     rows = [
         {
@@ -264,7 +273,7 @@ def print_index(document: Mapping[str, Any]) -> None:
                 if one["mass_kg"] is None
                 else mass_cells(one["mass_kg"], (one["U95_low_kg"], one["U95_high_kg"]), one["E_n"])
             ),
-            "verdict": verdict_cell(one["valid"], deviates=deviates(one)),
+            "verdict": verdict_cell(one["valid"], deviates=deviates(one), conformity=conformity(one)),
             "reason": first_reason(one),
         }
         for one in document["shots"]

@@ -279,7 +279,7 @@ class Identification(ReadOnlyArrays):
 
     @property
     def interval_by(self) -> IntervalBy:
-        """What the reported interval is by: where the draws do not validate the GUM's it is theirs (JCGM 101, 8.2)."""
+        """Way of the reported interval: where the draws do not validate the GUM's it is theirs (JCGM 101, 8.2)."""
         estimate, drawn = self.chosen.estimate, self.distribution
         if drawn is not None and not drawn.validates(estimate.interval_kg):
             return IntervalBy.MONTE_CARLO

@@ -49,7 +49,7 @@ _TOKEN = re.compile(r"\\([A-Za-z]+)(?:\{([^}]*)\})?")
 
 
 class DigitalCertificate(NamedTuple):
-    """What a digital certificate says, and who signed it.
+    """A digital certificate: its statements, and who signed it.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ from recoil_identification.campaign.peaks import PeakOfShots
 from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.campaign.suspects import SharedSuspicion
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
-from recoil_identification.estimate.conformity import conformity_of
+from recoil_identification.estimate.conformity import stated_conformity
 from recoil_identification.estimate.mass import MEASURAND_OF_SHOTS
 from recoil_identification.report.document.document import outputs_of
 from recoil_identification.report.document.report_files import (
@@ -171,11 +171,10 @@ def with_history(document: Mapping[str, Any], history: Mapping[str, Any]) -> dic
     return sealed(to_json({**document, "history": history, "notes": notes, "findings": findings}))
 
 
-def _conformity(campaign: Campaign, issued: Issue) -> dict[str, Any] | None:
-    """State the conformity of the mass with its tolerance; None where one of them is missing."""
+def _conformity(campaign: Campaign, issued: Issue) -> dict[str, Any]:
+    """State the conformity of the mass with its tolerance."""
     mass = campaign.mass
-    conformity = conformity_of(issued.tolerance_kg, campaign.specification, mass.mass_kg, mass.u_kg)
-    return None if conformity is None else conformity.to_json()
+    return stated_conformity(issued, campaign.specification, mass.mass_kg, mass.u_kg, valid=campaign.valid)
 
 
 def _channels(campaign: Campaign) -> list[dict[str, Any]]:

@@ -21,7 +21,7 @@ from recoil_identification.calibration.mass_over_time import MassOverTime
 from recoil_identification.calibration.skew import RecorderSkew
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.budget import COVERAGE
-from recoil_identification.estimate.conformity import conformity_of
+from recoil_identification.estimate.conformity import stated_conformity
 from recoil_identification.estimate.mass import MEASURAND
 from recoil_identification.estimate.monte_carlo import SEED as SEED_OF_MONTE_CARLO
 from recoil_identification.estimate.rpe import RPE_MEANING
@@ -267,13 +267,12 @@ def provenance_inputs(shot: Shot, shot_file: InputFile, beside: Sequence[InputFi
     ]
 
 
-def _conformity(found: Identification, issued: Issue) -> dict[str, Any] | None:
-    """State the conformity of the mass with its tolerance; None where none is stated."""
+def _conformity(found: Identification, issued: Issue) -> dict[str, Any]:
+    """State the conformity of the mass with its tolerance."""
     estimate = found.chosen.estimate
-    conformity = conformity_of(
-        issued.tolerance_kg, found.specification, estimate.mass_kg, estimate.u_kg, estimate.degrees_of_freedom
+    return stated_conformity(
+        issued, found.specification, estimate.mass_kg, estimate.u_kg, estimate.degrees_of_freedom, valid=found.valid
     )
-    return None if conformity is None else conformity.to_json()
 
 
 def _estimates(found: Identification) -> Mapping[ErrorSource, float]:

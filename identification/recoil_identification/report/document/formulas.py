@@ -155,7 +155,13 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("conformity.limits_kg", Formula("m_spec + tolerance_kg", "definition",
                                      ("mass.specification", "conformity.tolerance_kg"))),
     ("conformity.deviation_kg", Formula("m - m_spec", "definition", ("mass.value", "mass.specification"))),
-    ("conformity.enough", Formula("0.95", "the probability from which on a mass is said to conform")),
+    ("conformity.rule", Formula("decision_rule, 0.95 if left out", "[report] of the rig file, or the header file")),
+    ("conformity.word", Formula(
+        "simple: conforms if T_L <= d <= T_U; guard band: conforms if d keeps U from both limits, does not if it lies "
+        "further than U beyond one; a probability: conforms from it on, does not from 1 less it down",
+        "ILAC-G8:09/2019, 4.2; JCGM 106:2012, 8",
+        ("conformity.rule", "conformity.probability", "conformity.tolerance_kg", "conformity.deviation_kg"))),
+    ("conformity.guard_band_kg", Formula("U = k u", "ILAC-G8:09/2019, 4.2.2: w = U", ("conformity.u_kg",))),
     ("conformity.probability", Formula(
         "F((T_U - d) / u) - F((T_L - d) / u), F the distribution of the mass", "JCGM 106:2012, section 7",
         ("conformity.tolerance_kg", "conformity.deviation_kg", "conformity.u_kg"))),
