@@ -100,13 +100,11 @@ class Laboratory:
         )
         return etree.tostring(signer.sign(root, key=self.key, cert=pem, reference_uri="signed"), encoding="unicode")
 
-    def revoking(self) -> bytes:
-        """List of revoked certificates that names its own."""
+    def revoking(self, other: Laboratory | None = None) -> bytes:
+        """List of revoked certificates that names its own, or the number that another laboratory's has."""
+        certificate = (other or self).certificate
         revoked = (
-            x509.RevokedCertificateBuilder()
-            .serial_number(self.certificate.serial_number)
-            .revocation_date(FIRED)
-            .build()
+            x509.RevokedCertificateBuilder().serial_number(certificate.serial_number).revocation_date(FIRED).build()
         )
         listed = x509.CertificateRevocationListBuilder().issuer_name(self.certificate.issuer)
         listed = listed.last_update(FIRED).next_update(FIRED + dt.timedelta(days=9999))

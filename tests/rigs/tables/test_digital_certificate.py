@@ -186,7 +186,7 @@ def test_of_a_document_around_what_was_signed_by_name_the_signed_part_alone_is_r
 
 def test_a_signer_whom_a_list_beside_it_revokes_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path, laboratory().signed())
-    (tmp_path / "other.crl").write_bytes(laboratory("Another").revoking())
+    (tmp_path / "other.crl").write_bytes(laboratory("Another").revoking(laboratory()))
     read_digital_certificate(path)
     (tmp_path / "lab.crl").write_bytes(laboratory().revoking())
     with pytest.raises(CorruptFileError, match=r"revoked on 2026-03-02, lab\.crl says"):
