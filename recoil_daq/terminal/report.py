@@ -84,8 +84,8 @@ def print_together(document: Mapping[str, Any]) -> None:
         say(f"set aside: {one['file']}: {one['detail']}; name the file itself to identify it all the same")
 
 
-SHORT = ("peak breech pressure", "peak velocity", "recoil length", "impulse of the driving force")
-"""Peaks that a terminal says unasked."""
+SHORT = ("breech_pressure_pa", "recoil_velocity_m_s", "recoil_travel_m", "impulse_n_s")
+"""Quantities that a terminal says unasked."""
 
 
 def print_mass(document: Mapping[str, Any], folder: Path) -> None:
@@ -99,21 +99,22 @@ def print_mass(document: Mapping[str, Any], folder: Path) -> None:
         Folder that holds the report's page.
     """
     from recoil_identification.report.content.sentences import by_groups
-    from recoil_identification.report.content.tables import logged, peaks
+    from recoil_identification.report.content.tables import expanded_kg, peaks
 
     d, places = document, mass_decimals(document["mass"]["u"])
-    added = "".join(f", {text} added" for label, text in logged(d) if label.startswith("added mass"))
+    added_kg = (d.get("shot_log") or {}).get("added_mass_kg") or 0.0
+    added = f", {added_kg:g} kg added" if added_kg else ""
     mass, e_n = d["mass"], d["E_n"]
     off_kg = None if mass["value"] is None else mass["value"] - mass["specification"]
     agrees = "" if e_n is None else ": they agree" if abs(e_n) <= 1.0 else ": they do not agree"
     far = "" if off_kg is None else f"{fixed(abs(off_kg), places)} kg {'below' if off_kg < 0.0 else 'above'} "
     say(
-        f"Shot {d['shot']} on rig {d['rig']}: {fixed(mass['value'], places)} ± {fixed(mass['U_kg'], places)} kg "
+        f"Shot {d['shot']} on rig {d['rig']}: {fixed(mass['value'], places)} ± {fixed(expanded_kg(mass), places)} kg "
         f"(95 %), {far}the specification of {mass['specification']:g} kg{added}{agrees}"
     )
     if parts := by_groups(d):
         say(parts.partition(";")[0])
-    if said := [f"{label.removeprefix('peak ')} {text}" for label, text in peaks(d) if label in SHORT]:
+    if said := [f"{label} {text}" for label, text in peaks(d, only=SHORT)]:
         say(", ".join(said))
     taken = sum(len(one) > 0 for one in d.get("assumptions") or ())
     found = (len(d["reasons"]) - 1, "more reason"), (len(d["notes"]), "note"), (taken, "assumption")
@@ -176,7 +177,6 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
             else f", RPE {fixed(rpe['value'], 2)} % [{fixed(rpe['U95'][0], 2)}, {fixed(rpe['U95'][1], 2)}]"
         )
     )
-    print_conformity(d)
     if "measurand" in d:
         say_once((f"it is {d['measurand']}",), told)
     if parts := by_groups(d):

@@ -7,7 +7,7 @@ Optional keys may be absent or null, and give no row or a dash.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from recoil_identification.estimate.conformity import UNSTATED
@@ -102,12 +102,18 @@ def verdict(report: Report) -> Row:
     }
 
 
-def peaks(report: Report) -> list[tuple[str, str]]:
-    """Label and text, with its expanded uncertainty and unit, of the quantities of the shot, as far as it has them."""
+def peaks(report: Report, *, only: Collection[str] = ()) -> list[tuple[str, str]]:
+    """Label and text, with its expanded uncertainty and unit, of the quantities of the shot, as far as it has them.
+
+    Parameters
+    ----------
+    only
+        Names of the quantities that are wanted; all of them if there is none.
+    """
     known, intervals, chosen = report.get("peaks") or {}, report.get("peaks_U95") or {}, ChosenUnits.of(report)
     written = []
     for name, label, scale, decimals, unit in PEAKS:
-        if known.get(name) is None:
+        if known.get(name) is None or (only and name not in only):
             continue
         factor, other = chosen.factor(unit)
         value = scale * known[name]
