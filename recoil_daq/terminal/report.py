@@ -99,7 +99,7 @@ def print_mass(document: Mapping[str, Any], folder: Path) -> None:
         Folder that holds the report's page.
     """
     from recoil_identification.report.content.sentences import by_groups
-    from recoil_identification.report.content.tables import logged, peaks
+    from recoil_identification.report.content.tables import expanded_kg, logged, peaks
 
     d, places = document, mass_decimals(document["mass"]["u"])
     added = "".join(f", {text} added" for label, text in logged(d) if label.startswith("added mass"))
@@ -108,7 +108,7 @@ def print_mass(document: Mapping[str, Any], folder: Path) -> None:
     agrees = "" if e_n is None else ": they agree" if abs(e_n) <= 1.0 else ": they do not agree"
     far = "" if off_kg is None else f"{fixed(abs(off_kg), places)} kg {'below' if off_kg < 0.0 else 'above'} "
     say(
-        f"Shot {d['shot']} on rig {d['rig']}: {fixed(mass['value'], places)} ± {fixed(mass['U_kg'], places)} kg "
+        f"Shot {d['shot']} on rig {d['rig']}: {fixed(mass['value'], places)} ± {fixed(expanded_kg(mass), places)} kg "
         f"(95 %), {far}the specification of {mass['specification']:g} kg{added}{agrees}"
     )
     if parts := by_groups(d):
@@ -136,6 +136,7 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
         Notes on methods, and what is alike in all reports, that were printed for other shots: they are not printed
         again, and those printed now are added.
     """
+    from recoil_identification.estimate.rounding import percentage
     from recoil_identification.report.content.sentences import by_groups
     from recoil_identification.report.content.tables import expanded_kg, logged, peaks
 
@@ -154,7 +155,7 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
                 fixed(m["mass_kg"], mass_decimals(m["u_kg"])),
                 fixed(m["u_kg"], mass_decimals(m["u_kg"])),
                 fixed(m["deviation_percent"], 2, sign=True),
-                fixed(m["rpe_percent"], 2),
+                percentage(m["rpe_percent"], fixed(m["rpe_percent"], 2)),
                 fixed(m["identified_share"], 0, scale=100.0),
                 *([notes.get(m["name"], "")] if how else []),
             )
@@ -166,6 +167,7 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
         say("; ".join(f"{label}: {text}" for label, text in in_the_log))
     rpe, places = d["rpe_percent"], mass_decimals(d["mass"]["u"])
     low, high = (fixed(limit, places) for limit in d["mass"]["U95"])
+    error, *limits = (percentage(one, fixed(one, 2)) for one in (rpe["value"], *(rpe["U95"] or ())))
     say(
         f"mass {fixed(d['mass']['value'], places)} kg, U {fixed(expanded_kg(d['mass']), places)} kg (k = "
         f"{fixed(d['uncertainty']['coverage_factor'], 2)}), 95 % interval [{low}, {high}] kg, "
@@ -173,7 +175,7 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
         + (
             ", no RPE: there is no mass over time by this method"
             if rpe["value"] is None
-            else f", RPE {fixed(rpe['value'], 2)} % [{fixed(rpe['U95'][0], 2)}, {fixed(rpe['U95'][1], 2)}]"
+            else f", RPE {error} % [{', '.join(limits)}]"
         )
     )
     if "measurand" in d:
