@@ -23,6 +23,9 @@ from recoil_daq.campaigns.prediction import Predicted as Predicted
 from recoil_daq.campaigns.prediction import predict as predict
 from recoil_daq.campaigns.reproduction import check_reports as check_reports
 from recoil_daq.campaigns.reproduction import explain as explain
+from recoil_daq.certificates.certificate import Certified as Certified
+from recoil_daq.certificates.certificate import certificate as certificate
+from recoil_daq.certificates.signature import Trust as Trust
 from recoil_daq.drafting.init import DraftedRig as DraftedRig
 from recoil_daq.drafting.init import draft_rig as draft_rig
 from recoil_daq.live.recover import recover_folder as recover_folder

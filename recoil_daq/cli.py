@@ -49,6 +49,12 @@ COMMANDS = {
         "Write the page of a day: its shots, their campaign, the shot log, what was lost, and what to copy.",
         "recoil-daq day shots",
     ),
+    "certificate": Command(
+        "handover",
+        "Write the certificate of a shot or a campaign: identity, results, decision rule, calibrations, signature.",
+        "recoil-daq certificate campaign --header header.toml --sign signer.pem, and who holds it: recoil-daq explain "
+        "certificate --check",
+    ),
     "pack": Command(
         "handover",
         "Pack a day into one archive with the digest of each file, which `explain` compares.",
@@ -120,7 +126,7 @@ COMMANDS = {
         "recoil-daq show shots/0001.h5, or of a bus and its database: recoil-daq show bus.blf bus.dbc",
     ),
     "export": Command(
-        "files",
+        "exports",
         "Write a shot's channels in another format, verified, and say what is exact and what is lost.",
         "recoil-daq export shots/0001.h5 --format mdf4 --out exports",
     ),

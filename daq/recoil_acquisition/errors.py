@@ -86,6 +86,8 @@ class ErrorCode(StrEnum):
     """An optional library is needed, which the remedy installs."""
     EXISTS = "exists"
     """A file or folder to be written is there already, and nothing is overwritten unless that is asked for."""
+    NOT_VALID = "not valid"
+    """A result is not valid, and what was asked for is made of valid ones alone."""
 
 
 class RecoilDaqError(Exception):
@@ -575,11 +577,12 @@ def nearest_first(name: str, available: Sequence[str]) -> tuple[str, ...]:
     """
     if not available:
         return ()
-    # Names that differ by case alone are equally near
+    # Names that differ by case alone are equally near, but for the one in the case of what was written
     folded: dict[str, list[str]] = {}
     for a in available:
         folded.setdefault(a.casefold(), []).append(a)
-    close = [a for c in get_close_matches(name.casefold(), folded, n=len(folded), cutoff=0.3) for a in folded[c]]
+    alike = [folded[c] for c in get_close_matches(name.casefold(), folded, n=len(folded), cutoff=0.3)]
+    close = [a for same in alike for a in sorted(same, key=lambda a: -SequenceMatcher(None, name, a).ratio())]
     return (*close, *(a for a in available if a not in close))
 
 

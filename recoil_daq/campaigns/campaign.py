@@ -50,7 +50,7 @@ from recoil_identification.report.paper.paper import CAMPAIGN_PDF, campaign_pdf
 from recoil_identification.report.results.history import history_figure
 from recoil_identification.shot.identified import Options
 from recoil_rigs.rig import find_rig
-from recoil_rigs.tables.issue import Issue, read_header
+from recoil_rigs.tables.issue import CAMPAIGN, Issue, read_header
 from recoil_rigs.tables.specification import mass_decimals
 
 if TYPE_CHECKING:
@@ -206,7 +206,7 @@ def campaign(
         Whether an answer that is there is replaced.
     header
         Header file with the identity of the answer, the keys of a rig's ``[report]``, which goes before what the
-        shots' reports state alike.
+        shots' reports state alike; their numbers, issues, dates, approvals and concessions are not taken over.
     history
         Folder of earlier campaigns' answers, at any depth, with which the mass is compared; None to compare it with
         none.
@@ -241,7 +241,7 @@ def campaign(
     output.refuse_unwritable(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE, CAMPAIGN_PDF))
     sources = list(sources_of(listed, (Path(reports), folder / REPORTS)))
     # before any work: what is at fault leaves nothing behind
-    stated = None if header is None else read_header(Path(header))
+    stated = None if header is None else read_header(Path(header)).named(CAMPAIGN, folder.absolute().name)
     earlier = None if history is None else History.read(Path(history), folder)
     aside = _set_aside(sources)
     sources = [one for one in sources if one not in aside]
@@ -268,7 +268,7 @@ def campaign(
     if rig is not None:
         corrected = InputFile.of(find_rig(str(rig)))
         inputs.append({"file": corrected.name, "sha256": corrected.sha256})
-    issued = Issue.model_validate(alike([one.shot for one in combined.shots]))
+    issued = Issue.model_validate(alike([one.shot for one in combined.shots])).of_another()
     if stated is not None and header is not None:
         issued = stated.over(issued)
         read = InputFile.of(Path(header))

@@ -54,7 +54,7 @@ def campaign_of_results(results: Sequence[Result]) -> dict[str, Any]:
     shared = _with_one_cutoff(results)
     combined = combine([CampaignShot.of_report(one.document) for one in shared])
     inputs = [{"file": f"{one.shot}/{REPORT_FILE}", "sha256": one.document["provenance"][SEAL]} for one in shared]
-    issued = Issue.model_validate(alike([one.shot for one in combined.shots]))
+    issued = Issue.model_validate(alike([one.shot for one in combined.shots])).of_another()
     return campaign_document(combined, version=__version__, inputs=inputs, parameters={}, issued=issued)
 
 

@@ -14,6 +14,8 @@ from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_daq.campaigns.campaign import campaign_pages
 from recoil_daq.campaigns.sources import CUTOFF_FILE, CampaignReport
+from recoil_daq.certificates.kept_certificate import KeptCertificate
+from recoil_daq.certificates.signature import NOBODY, Trust
 from recoil_daq.reports.explanation import (
     CheckedReport,
     CheckedReports,
@@ -42,6 +44,7 @@ from recoil_identification.report.document.campaign_document import (
     campaign_table,
     with_history,
 )
+from recoil_identification.report.document.certificate_document import CERTIFICATE_FILE
 from recoil_identification.report.document.report_files import DRAWN, REPORT_FILE
 from recoil_identification.report.document.reproduction import Comparison
 from recoil_identification.report.page.html import CAMPAIGN_PAGE
@@ -254,6 +257,8 @@ def explain(
     path = Path(report)
     if path.name == CAMPAIGN_FILE or (path / CAMPAIGN_FILE).is_file():
         return explained_again(KeptCampaign.read(path), key, folders_of(shots), progress)
+    if path.name == CERTIFICATE_FILE or (path / CERTIFICATE_FILE).is_file():
+        return explained_again(KeptCertificate.read(path), key, folders_of(shots), progress)
     found = find_reports(path)
     if len(found) > 1:
         raise ReadError(
@@ -266,16 +271,18 @@ def explain(
 
 def kept_document(path: Path) -> KeptDocument:
     """Read a document that can be made again, by the name of its file; ReadError if it is none."""
-    kinds: dict[str, type[KeptDocument]] = {CAMPAIGN_FILE: KeptCampaign, REPORT_FILE: Kept}
+    kinds: dict[str, type[KeptDocument]] = {
+        CAMPAIGN_FILE: KeptCampaign, REPORT_FILE: Kept, CERTIFICATE_FILE: KeptCertificate,
+    }  # fmt: skip
     return kinds.get(path.name, KeptTarget).read(path)
 
 
 def documents_in(folder: Path) -> list[Path]:
-    """Return what can be made again in a folder, as of a day: reports, targets' documents, campaigns' answers."""
+    """Return what can be made again in a folder, as of a day: reports, targets, campaigns, certificates."""
     return [
         *reports_in(folder, depth=DAY_DEPTH),
         *targets_in(folder, depth=DAY_DEPTH),
-        *named_in(folder, CAMPAIGN_FILE, depth=DAY_DEPTH),
+        *named_in(folder, CAMPAIGN_FILE, CERTIFICATE_FILE, depth=DAY_DEPTH),
     ]
 
 
@@ -286,6 +293,7 @@ def check_reports(
     shots: str | Path | None = None,
     workers: int | Workers | None = None,
     executor: Executor | None = None,
+    trust: Trust = NOBODY,
     progress: Progress = lambda _: None,
 ) -> CheckedReports:
     """Make every document of a folder again, and compare every number: reports and targets from their shot files.
@@ -300,6 +308,8 @@ def check_reports(
         Folder in which to look for shot files, and for the reports of a campaign, first.
     workers, executor
         Workers that share the documents, as `recoil_daq.workers.Workers` takes them.
+    trust
+        Knowledge of whose the signatures of certificates should be.
     progress
         Function called with how many are done, and how long the others may take.
 
@@ -310,7 +320,7 @@ def check_reports(
     """
     paths, folders = find_reports(place, documents_in), folders_of(shots)
     with Workers.of(workers, executor) as crew:
-        work = partial(_checked, shots=[crew.place(folder) for folder in folders])
+        work = partial(_checked, shots=[crew.place(folder) for folder in folders], trust=trust)
         names = [path.parent.name for path in paths]
         done = crew.outcomes(work, [crew.place(path) for path in paths], names, progress=progress)
         found = [
@@ -320,6 +330,8 @@ def check_reports(
     return CheckedReports(tuple(found))
 
 
-def _checked(path: Path, shots: Sequence[Path]) -> CheckedReport:
+def _checked(path: Path, shots: Sequence[Path], trust: Trust) -> CheckedReport:
     kept = kept_document(path)
+    if isinstance(kept, KeptCertificate):
+        kept = replace(kept, trust=trust)
     return CheckedReport(path, kept.name, kept.same_computer, recompute(kept, shots).whole(shots))

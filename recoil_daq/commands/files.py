@@ -1,12 +1,12 @@
-"""Commands that look at rigs and files, and write shots in other formats."""
+"""Commands that look at rigs and files, and draft rigs."""
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, quantity
+from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument
 from recoil_daq.terminal.session import INTERRUPTED, NOT_VALID, OK, Session
 
 if TYPE_CHECKING:
@@ -76,7 +76,12 @@ def init(
         list[Path] | None, typer.Option(help="A CAN database; may be repeated.", show_default=False)
     ] = None,
     sensors: Annotated[
-        Path | None, typer.Option(help="A table of the sensors' certificates (CSV).", show_default=False)
+        list[Path] | None,
+        typer.Option(
+            help="A table of the sensors' certificates (CSV), or digital ones (DCC, XML); may be repeated, and more of "
+            "these may stand among the files.",
+            show_default=False,
+        ),
     ] = None,
     out: Annotated[Path, typer.Option(help="The rig file.")] = Path("rig.toml"),
     overwrite: OverwriteOption = False,
@@ -101,7 +106,7 @@ def init(
         def look(answered: Mapping[str, Any]) -> "DraftedRig":
             with session.steps("init") as progress:
                 return draft_rig(
-                    files, databases=database or (), sensors=sensors, other=other, answered=answered, out=out,
+                    files, databases=database or (), sensors=sensors or (), other=other, answered=answered, out=out,
                     progress=progress,
                 )  # fmt: skip
 
@@ -194,63 +199,3 @@ def show(
             print_acquisition(summary)
 
         session.finish(summary, print_all, OK)
-
-
-def export(
-    shot: Annotated[Path, typer.Argument(help="A shot file.", show_default=False)],
-    format_name: Annotated[
-        str,
-        typer.Option(
-            "--format",
-            help="Or what another package adds; csv and parquet are read again by `ingest`.",
-            metavar="mdf4|mat|uff58|tdms|parquet|csv|dewesoft-text",
-            show_default=False,
-        ),
-    ],
-    out: Annotated[Path, typer.Option(help="Folder of the files.")] = Path("exports"),
-    channel: Annotated[
-        list[str] | None, typer.Option(help="A channel to export; may be repeated.", show_default="all")
-    ] = None,
-    aligned: Annotated[
-        bool, typer.Option("--aligned", help="Map all instants to the reference clock; else each source keeps its own.")
-    ] = False,
-    class_filter: Annotated[
-        Literal["cfc-60", "cfc-180", "cfc-600", "cfc-1000"] | None,
-        typer.Option(
-            "--filter", help="Channel frequency class of SAE J211-1 and ISO 6487.", show_default="as recorded"
-        ),
-    ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(
-            "--rate",
-            parser=quantity("Hz", positive=True),
-            help="Put all channels on one grid of so many samples a second, aligned; what it loses is said.",
-            metavar="HZ",
-            show_default="each channel's own instants",
-        ),
-    ] = None,
-    overwrite: OverwriteOption = False,
-    json: JsonOption = False,
-    debug: DebugOption = False,
-) -> None:
-    """Write a shot's channels in another format, verified, and say what is exact and what is lost."""
-    from recoil_acquisition.exporters.table import exporter_names
-
-    if format_name not in (names := exporter_names()):
-        raise typer.BadParameter(f"{format_name!r} is none of {', '.join(names)}")
-    with Session(json, debug) as session:
-        from recoil_acquisition.processes.reader_process import READER
-
-        READER.start()
-        from recoil_daq.arguments import named_shot
-        from recoil_daq.recording.export import export as write_export
-
-        shot = named_shot(shot)
-        with session.steps(f"export {shot.name}") as progress:
-            done = write_export(
-                shot, format_name, out=out, channels=channel or (), aligned=aligned, overwrite=overwrite,
-                frequency_class=None if class_filter is None else int(class_filter.removeprefix("cfc-")),
-                rate_hz=rate, progress=progress,
-            )  # fmt: skip
-        session.finish(done.to_json(), done.show, OK if done.complete else NOT_VALID)

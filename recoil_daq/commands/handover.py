@@ -27,6 +27,63 @@ def day(
         session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
 
 
+def certificate(
+    of: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CAMPAIGN|SHOT",
+            help="A campaign.json or report.json, its folder, or the name of a shot whose report is in reports.",
+            show_default=False,
+        ),
+    ],
+    header: Annotated[
+        Path,
+        typer.Option(
+            metavar="FILE",
+            help="A file with the identity of the certificate: number, issue, date, approval, item, place, operator, "
+            "tolerance_kg, decision_rule and the other keys of a rig's [report].",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of the certificate.")] = Path("certificate"),
+    sign: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PEM",
+            help="A private key with its X.509 certificate, in one file: detached CMS signatures are written beside. "
+            "Needs the extra `sign`.",
+            show_default=False,
+        ),
+    ] = None,
+    sign_with: Annotated[
+        str,
+        typer.Option(
+            metavar="COMMAND",
+            help="Your own program that signs, such as 'gpg --detach-sign --output {signature} {file}'.",
+            show_default=False,
+        ),
+    ] = "",
+    overwrite: OverwriteOption = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Write the certificate of a shot or a campaign: identity, results, decision rule, calibrations, signature."""
+    if sign is not None and sign_with:
+        raise typer.BadParameter("give either --sign or --sign-with")
+    with Session(json, debug) as session:
+        from recoil_acquisition.errors import ErrorCode, IdentificationError
+        from recoil_daq.certificates.certificate import certificate as make
+
+        try:
+            with session.steps("certificate") as progress:
+                done = make(of, header, out=out, sign=sign, sign_with=sign_with, overwrite=overwrite, progress=progress)
+        except IdentificationError as error:
+            if error.code != ErrorCode.NOT_VALID:
+                raise
+            session.refuse(error, NOT_VALID)
+        session.finish(done.to_json(), done.show, OK if done.document["valid"] else NOT_VALID)
+
+
 def pack(
     folder: DayArgument,
     out: Annotated[

@@ -223,6 +223,7 @@ def identify(
         paths = find_shot_files(shots)
         aside = set_aside(paths, shots)
         paths = [path for path in paths if path not in aside]
+        output.refuse_one_number(len(paths))
         reports: list[Reported] = []
         found: list[TargetReported] = []
         without: list[RecoilDaqError] = []
@@ -329,6 +330,22 @@ def explain(
             "if one differs.",
         ),
     ] = False,
+    signer: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PEM",
+            help="With --check: the X.509 certificate of who must have signed the certificates, or of who issued it.",
+            show_default=False,
+        ),
+    ] = None,
+    verify_with: Annotated[
+        str,
+        typer.Option(
+            metavar="COMMAND",
+            help="With --check: your own program that verifies signatures, such as 'gpg --verify {signature} {file}'.",
+            show_default=False,
+        ),
+    ] = "",
     workers: WorkersOption = None,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -336,6 +353,8 @@ def explain(
     """Say where the numbers of a report, a target or a campaign come from, make it again, and compare every number."""
     if check and key is not None:
         raise typer.BadParameter("--check takes no KEY")
+    if (signer is not None or verify_with) and not check:
+        raise typer.BadParameter("--signer and --verify-with go with --check")
     if workers is not None and not check:
         raise typer.BadParameter("--workers goes with --check")
     with Session(json, debug) as session:
@@ -347,9 +366,12 @@ def explain(
                     archive = check_archive(report, progress=progress)
                 session.finish(archive.to_json(), archive.show, OK if archive.whole else NOT_VALID)
             from recoil_daq.campaigns.reproduction import check_reports
+            from recoil_daq.certificates.signature import Trust
 
             with session.steps("explain --check") as progress:
-                checked = check_reports(report, shots=shots, workers=workers, progress=progress)
+                checked = check_reports(
+                    report, shots=shots, workers=workers, trust=Trust(signer, verify_with), progress=progress
+                )
             code = FAULT if checked.faults else OK if checked.again else NOT_VALID
             session.finish(checked.to_json(), checked.show, code)
         from recoil_acquisition.processes.reader_process import READER

@@ -272,7 +272,7 @@ class DraftedChannels:
 
 
 def _row_of(certificate: Certificate) -> str:
-    return f"certificate: row {certificate.line} of the table, u_rel = U / k"
+    return f"certificate: {certificate.place}, u_rel = U / k"
 
 
 def _asked_of_sensor(quantity: str, role: Any, unit: str | None) -> Iterator[tuple[str, Question]]:

@@ -270,7 +270,11 @@ def _by_certificate(certificate: Certificate | None) -> Supposition | None:
     if certificate is None or not certificate.quantity:
         return None
     quantity = certificate.quantity
-    reason = f"row {certificate.line} of the table of certificates"
+    reason = (
+        f"row {certificate.line} of the table of certificates"
+        if certificate.line
+        else f"certificate {certificate.file}"
+    )
     stated = _sensitivity(certificate, {})
     if stated is not None and quantity in stated[0].per.quantities:
         name = "V" if stated[0].needs_amplifier else stated[0].output_name

@@ -15,6 +15,7 @@ from recoil_acquisition.errors import (
     KeyPath,
     ReadError,
     RecoilDaqError,
+    RigError,
     Row,
     StoreError,
     spelled,
@@ -41,7 +42,8 @@ from recoil_daq.drafting.role_proposal import ProposedRoles
 from recoil_daq.recording.file_summary import is_database
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_rigs.tables.certificate_table import USUAL_NAME as TABLE_OF_CERTIFICATES
-from recoil_rigs.tables.certificate_table import read_certificates
+from recoil_rigs.tables.certificate_table import read_certificates, same_twice
+from recoil_rigs.tables.digital_certificate import is_digital_certificate
 from recoil_rigs.tables.open_values import without_open_values
 from recoil_rigs.tables.sensitivity import OUTPUTS
 
@@ -201,7 +203,7 @@ def draft_rig(
     files: Sequence[str | Path],
     *,
     databases: Sequence[str | Path] = (),
-    sensors: str | Path | None = None,
+    sensors: str | Path | Sequence[str | Path] | None = None,
     other: str | Path | None = None,
     answered: Mapping[str, Any] = NOTHING,
     out: str | Path = USUAL_NAME,
@@ -220,7 +222,8 @@ def draft_rig(
     databases
         CAN databases.
     sensors
-        Table of certificates, see `recoil_rigs.tables.certificate_table`.
+        Table of certificates, see `recoil_rigs.tables.certificate_table`, or digital certificates; these may be among
+        the files, too.
     other
         Another rig file, finished or not, whose values are taken over.
     answered
@@ -238,11 +241,17 @@ def draft_rig(
     path = Path(out)
     given = [Path(one) for one in files]
     of_buses = [*map(Path, databases), *(one for one in given if is_database(one))]
-    recorded = [one for one in given if not is_database(one)]
+    of_sensors = (
+        [] if sensors is None else [Path(sensors)] if isinstance(sensors, str | Path) else [*map(Path, sensors)]
+    )
+    of_sensors += [one for one in given if is_digital_certificate(one)]
+    recorded = [one for one in given if not (is_database(one) or is_digital_certificate(one))]
     if not recorded:
         raise ReadError("no recorded file is given", path=given[0] if given else path, remedy="name those of one shot")
     _refuse_others(recorded)
-    certificates = () if sensors is None else read_certificates(Path(sensors))
+    certificates = tuple(found for one in of_sensors for found in read_certificates(one))
+    if of_sensors and (twice := same_twice(certificates)):
+        raise RigError(of_sensors[-1], twice)
     stated = None if other is None else OtherRig.read(Path(other))
     if stated is not None and not of_buses:
         of_buses = [one for one in stated.databases() if one.is_file()]
@@ -275,7 +284,7 @@ def draft_rig(
     # a bus whose messages nothing explains may have what would be larger than all that is known
     unexplained = any(source.kind == "can" and not source.signals for source in sources)
     evidence = evidence_of(path, sources, certificates, stated, complete=not lacking and not unexplained)
-    notes = (*(note for source in sources for note in source.notes), *_notes(evidence, known, sensors))
+    notes = (*(note for source in sources for note in source.notes), *_notes(evidence, known, of_sensors))
     draft = draft_tables(evidence, lacking)
     differences = tuple(_differences(evidence, before))
     lacks = (*_unread(left_out), *_lost_roles(evidence, draft, before))
@@ -331,7 +340,7 @@ def _differences(evidence: Evidence, other: OtherRig | None) -> list[str]:
     return found
 
 
-def _notes(evidence: Evidence, databases: Sequence[Database], sensors: str | Path | None) -> list[str]:
+def _notes(evidence: Evidence, databases: Sequence[Database], sensors: Sequence[Path]) -> list[str]:
     """Say what speaks against the draft, or is missing in it."""
     notes = [
         f"{one.name} and {other.name} differ in a number alone: give the files of one shot"
@@ -347,10 +356,11 @@ def _notes(evidence: Evidence, databases: Sequence[Database], sensors: str | Pat
     buses = [one.name for one in evidence.sources if one.kind == "can"]
     if databases and not buses:
         notes.append("a database is given, and no bus log")
-    if sensors is not None:
+    notes += [f"{one.file}: {one.said}" for one in evidence.certificates if one.said]
+    if sensors:
         known = {composed(one.signal) for one in evidence.certificates if one.signal}
         lost = sorted(known - {composed(one.name) for one in evidence.signals})
-        notes += [f"{Path(sensors).name}: no file has the signal {name!r}" for name in lost]
+        notes += [f"{sensors[0].name}: no file has the signal {name!r}" for name in lost]
     return notes
 
 

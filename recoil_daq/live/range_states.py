@@ -80,7 +80,6 @@ class RangeStates:
             {c.source for c in rig.channels if c.name in triggering}, {c.source for c in rig.channels if c.role}
         )
         self._virtual = is_virtual_rig(rig)
-        self._not_calibrated = _not_calibrated(rig)
         self._file = StateFile(options.out)
         self._unwritten = ""
         self._since: tuple[str, float] = "", 0.0
@@ -138,7 +137,7 @@ class RangeStates:
             armed_s=status.armed_s,
             decision=self._decisions.last,
             alarms=self._decisions.alarms,
-            cautions=(*self._not_calibrated, *self._clock_set(), *self._rest.look(status.channels)),
+            cautions=(*_not_calibrated(self._rig), *self._clock_set(), *self._rest.look(status.channels)),
             notices=self._display.noticed,
             campaign=None if self._masses is None else self._masses.campaign,
             added_mass="" if self._work.added_mass is None else str(self._work.added_mass),

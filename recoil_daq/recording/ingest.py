@@ -32,7 +32,7 @@ from recoil_acquisition.shot.recorded_file import EXCERPTS, INGEST, RecordedFile
 from recoil_acquisition.shot.shot import InputFile, Shot
 from recoil_acquisition.store import write_shot
 from recoil_daq.recording.doubles import made_in, refusal
-from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, DAY_OF, add_row, as_planned
+from recoil_daq.recording.shot_log_rows import ADDED_MASS, add_row, as_planned
 from recoil_daq.recording.supposed_file import serial_source
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
@@ -45,7 +45,7 @@ from recoil_rigs.shots.assumptions import assumptions_of
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.shots.left_out import left_out
 from recoil_rigs.shots.long_recording import cut_long_recordings
-from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
+from recoil_rigs.tables.calibration_day import DAY, DAY_OF, CalibrationDay, DayOf
 from recoil_rigs.tables.rig_tables import SHOT_PLACE
 
 

@@ -17,10 +17,6 @@ if TYPE_CHECKING:
 
 ADDED_MASS = "added_mass_kg"
 """Parameter in a shot's history: mass that was added to the specification when the shot was checked, kg."""
-DAY = "day"
-"""Parameter in a shot's history: day that calibrations had to cover when it was checked."""
-DAY_OF = "day_of"
-"""Parameter in a shot's history: what happened on that day; an earlier version took the day of the ingest."""
 
 
 def as_fired(rig: Rig, row: ShotLogRow | None) -> Rig:

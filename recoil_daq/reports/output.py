@@ -6,12 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from recoil_acquisition.errors import ReadError
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_identification.report.figure.figure import Figure
 from recoil_identification.report.page.page_files import write_page, write_script
 from recoil_identification.report.paper.paper import earlier_figures, figure_files, write_figures
 from recoil_identification.report.paper.typeset import refuse_without_typst
+from recoil_rigs.tables.issue import SHOT, read_header
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,16 @@ class Output:
     def refuse_missing_extra(self) -> None:
         """Raise a StoreError where paper copies or figures are asked for and the extra ``pdf`` is not installed."""
         refuse_without_typst(pdf=self.pdf, figures=self.figures)
+
+    def refuse_one_number(self, count: int) -> None:
+        """Raise a ReadError where the header has one number for the reports of several shots."""
+        number = None if self.header is None or count < 2 else read_header(self.header).number
+        if number is not None and SHOT not in number:
+            raise ReadError(
+                f"one number would stand on the reports of {count} shots",
+                path=self.header, expected=f"{SHOT} in `number`", found=number,
+                remedy=f'write number = "{number}-{SHOT}", or give the shots one by one, each with its own --header',
+            )  # fmt: skip
 
     def refuse_existing(self, folder: Path, names: Sequence[str]) -> None:
         """Raise a StoreError where a folder holds any of some files that are not to be replaced."""

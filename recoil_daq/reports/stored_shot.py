@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import hashlib
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.remark import Note, NoteCode
+from recoil_acquisition.shot.quality_check import Check
 from recoil_acquisition.shot.shot import ClockAlignment, InputFile, Shot
 from recoil_acquisition.store import read_shot
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_acquisition.store.shot_log_row import ShotLogRow
-from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, DAY_OF, as_fired
+from recoil_daq.recording.shot_log_rows import ADDED_MASS, as_fired
 from recoil_daq.version import __version__
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.corrected_quality import judged_anew
 from recoil_processing.shot.verdict.motion_quality import against_specification
+from recoil_processing.shot.verdict.shot_quality import calibration_checks
 from recoil_rigs.rig import Rig, load_rig, parse_rig
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.shots.rig_correction import Correction, corrected_channels, corrections
-from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
-from recoil_rigs.tables.issue import NOTHING_STATED, Issue, read_header
+from recoil_rigs.tables.calibration_day import DAY_OF, CalibrationDay
+from recoil_rigs.tables.issue import NOTHING_STATED, SHOT, Issue, read_header
 
 RIG_FILE = "rig file"
 """Source of a corrected rig file among the inputs of a report."""
@@ -73,8 +73,11 @@ class StoredShot(FiredShot):
 
     @property
     def issued(self) -> Issue:
-        """Identity of the report: that of the header file, and of the rig what that leaves out."""
-        return self.header.over(self.rig.report)
+        """Identity of the report: that of the header file, and of the rig what that leaves out.
+
+        ReadError as of `recoil_rigs.tables.issue.Issue.named`.
+        """
+        return self.header.over(self.rig.report).named(SHOT, self.shot.name)
 
     @property
     def beside(self) -> tuple[InputFile, ...]:
@@ -182,7 +185,11 @@ def fired_in_memory(
 
 def _stored(path: Path) -> tuple[Shot, Rig]:
     shot = read_shot(path)
-    return shot, parse_rig(shot.rig_text, path, shot.databases or {}, refuse_doubts=False)
+    rig = parse_rig(shot.rig_text, path, shot.databases or {}, refuse_doubts=False)
+    if DAY_OF not in _checked(shot):  # an earlier version judged calibrations by the day of the ingest
+        others = tuple(one for one in shot.quality if one.check is not Check.CALIBRATION)
+        shot = replace(shot, quality=(*others, *calibration_checks(rig, CalibrationDay.of_shot(shot))))
+    return shot, rig
 
 
 def _as_logged(shot: Shot, bare: Rig, row: ShotLogRow | None, *, judge: bool) -> StoredShot:
@@ -219,7 +226,7 @@ def _corrected(fired: StoredShot, bare: Rig, corrected: Rig, rig_file: InputFile
         text = f"aligned anew with what was corrected: {', '.join(moved)}"
         notes.append(Note(NoteCode.CORRECTION, file, text))
     if judge:
-        shot, kept = judged_anew(fired, FiredShot(shot, rig), _day_of(shot))
+        shot, kept = judged_anew(fired, FiredShot(shot, rig), CalibrationDay.of_shot(shot))
         if kept:
             text = f"of the verdict these are kept as ingest found them, with the rig as it was: {', '.join(kept)}"
             notes.append(Note(NoteCode.CORRECTION, file, text))
@@ -234,15 +241,6 @@ def _moved(one: ClockAlignment, other: ClockAlignment) -> bool:
 def _checked(shot: Shot) -> Mapping[str, Any]:
     """Return with which parameters a shot was checked when it was ingested."""
     return next((step.parameters for step in reversed(shot.history) if step.what == "ingest"), {})
-
-
-def _day_of(shot: Shot) -> CalibrationDay:
-    """Return the day by which the calibrations of a shot are judged, as they were when it was ingested."""
-    checked = _checked(shot)
-    with suppress(KeyError, ValueError):
-        return CalibrationDay(dt.date.fromisoformat(checked[DAY]), DayOf(checked[DAY_OF]))
-    on = dt.date.fromisoformat(checked[DAY]) if DAY in checked else None
-    return CalibrationDay.of_start(shot.started, DayOf.INGEST, on)
 
 
 def _notes_on_row(bare: Rig, row: ShotLogRow | None) -> Iterator[Note]:

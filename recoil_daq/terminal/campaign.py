@@ -8,7 +8,7 @@ from typing import Any
 
 from recoil_acquisition.errors import visible
 from recoil_daq.terminal.console import output_console
-from recoil_daq.terminal.report import print_results
+from recoil_daq.terminal.report import print_conformity, print_results
 from recoil_daq.terminal.tables import print_table, say
 from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
@@ -115,6 +115,7 @@ def print_campaign(document: Mapping[str, Any], folder: Path | None) -> None:
         say(f"  {reason}")
     if dated := calibrations_in_words(d):
         say(f"  {'but' if d['valid'] else 'and'} {dated}")
+    print_conformity(d)
     say(f"it is {d['measurand']}")
     if parts := by_groups(d):
         say(parts)

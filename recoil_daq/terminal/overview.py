@@ -55,10 +55,10 @@ def mass_cells(mass_kg: float | None, u95: Sequence[float | None], e_n: float | 
     return {"mass": fixed(mass_kg, places), "U": fixed(half, places), "e_n": fixed(e_n, 2, sign=True)}
 
 
-def verdict_cell(valid: bool | None, *, deviates: bool = False) -> str:
-    """Return the word for how far a mass is to be trusted; None is one that nobody identified."""
+def verdict_cell(valid: bool | None, *, deviates: bool = False, conformity: str = "") -> str:
+    """Return the words for how far a mass is to be trusted, and conforms; None is one that nobody identified."""
     if valid is None:
         return "no report"
     if not valid:
         return "NOT VALID"
-    return "VALID, deviates" if deviates else "VALID"
+    return ", ".join(filter(None, ("VALID", "deviates" if deviates else "", conformity)))

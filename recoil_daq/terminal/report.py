@@ -120,6 +120,7 @@ def print_mass(document: Mapping[str, Any], folder: Path) -> None:
     more = [f"{number} {what}{'' if number == 1 else 's'}" for number, what in found if number > 0]
     if more:
         say(f"{', '.join(more)}: in the report, and here with --verbose")
+    print_conformity(d)
     print_verdict(d, folder / "report.html")
 
 
@@ -178,6 +179,7 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
             else f", RPE {error} % [{', '.join(limits)}]"
         )
     )
+    print_conformity(d)
     if "measurand" in d:
         say_once((f"it is {d['measurand']}",), told)
     if parts := by_groups(d):
@@ -189,6 +191,14 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
         say_once((rpe["meaning"],), told)
     say(low_passes(d))
     print_outcome(d, None if folder is None else folder / "report.html", told)
+
+
+def print_conformity(document: Mapping[str, Any]) -> None:
+    """Print the one word of the conformity and its rule, where a tolerance is stated."""
+    from recoil_identification.report.content.tables import conformity
+
+    if said := conformity(document)["said"]:
+        say(said)
 
 
 def _specification(document: Mapping[str, Any]) -> str:
@@ -292,7 +302,7 @@ def print_index(document: Mapping[str, Any]) -> None:
     document
         Document of ``index --json``.
     """
-    from recoil_identification.report.results.shot_index import deviates, first_reason, summary
+    from recoil_identification.report.results.shot_index import conformity, deviates, first_reason, summary
 
     rows = [
         {
@@ -305,7 +315,7 @@ def print_index(document: Mapping[str, Any]) -> None:
                 if one["mass_kg"] is None
                 else mass_cells(one["mass_kg"], (one["U95_low_kg"], one["U95_high_kg"]), one["E_n"])
             ),
-            "verdict": verdict_cell(one["valid"], deviates=deviates(one)),
+            "verdict": verdict_cell(one["valid"], deviates=deviates(one), conformity=conformity(one)),
             "reason": first_reason(one),
         }
         for one in document["shots"]

@@ -50,7 +50,7 @@ class Session:
         try:
             check_address_space()
         except ShortageError as error:
-            self._refuse(error)
+            self.refuse(error)
         return self
 
     def __exit__(
@@ -68,14 +68,14 @@ class Session:
         if self.debug:
             for line in "".join(traceback.format_exception(error)).rstrip("\n").split("\n"):
                 typer.echo(_visible(line), err=True)
-        self._refuse(error if isinstance(error, RecoilDaqError) else refused or shortage_of(error))
+        self.refuse(error if isinstance(error, RecoilDaqError) else refused or shortage_of(error))
 
-    def _refuse(self, error: RecoilDaqError) -> NoReturn:
+    def refuse(self, error: RecoilDaqError, code: int = FAULT) -> NoReturn:
         """Print an error, as a document too where one is asked for, and end."""
         if self.as_json:
             self._print(error_document(error))
         self.warn(error)
-        raise typer.Exit(FAULT) from None
+        raise typer.Exit(code) from None
 
     def warn(self, error: Exception) -> None:
         """Print the line of an error that does not keep the rest from its result."""

@@ -116,12 +116,10 @@ def print_outcome(document: Mapping[str, Any], page: Path | None, told: set[str]
 
 
 def print_verdict(document: Mapping[str, Any], page: Path | None, more: Sequence[str] = ()) -> None:
-    """Print whether a result is valid and conforms, the first reason why not, more of them, and where its page is."""
-    from recoil_identification.report.content.tables import CONFORMS, conformity
+    """Print whether a result is valid, the first reason why not, more of them, and where its page is."""
     from recoil_rigs.tables.calibration_day import calibrations_in_words
 
     console, reasons, dated = output_console(), document["reasons"], calibrations_in_words(document)
-    stated = conformity(document) if document["valid"] else None
     if not document["valid"]:
         console.print("[bold red]NOT VALID[/]:", end=" ")
         say(reasons[0])
@@ -133,11 +131,10 @@ def print_verdict(document: Mapping[str, Any], page: Path | None, more: Sequence
     elif dated:
         console.print("[bold yellow]VALID[/],", end=" ")
     else:
-        console.print("[bold green]VALID[/]", end=" " if stated is None else ", ")
+        console.print("[bold green]VALID[/]", end=" ")
     if dated:
         say(f"{'but' if document['valid'] else 'and:'} {dated}")
-    said = "" if stated is None else f"{CONFORMS[stated['conforms']]} ({stated['tolerance']}, {stated['probability']}) "
-    say(said if page is None else f"{said}-> {page}")
+    say("" if page is None else f"-> {page}")
 
 
 def print_assumptions(

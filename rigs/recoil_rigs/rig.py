@@ -36,7 +36,7 @@ from recoil_rigs.rig_file import SCHEMA, read_tables
 from recoil_rigs.tables.calibration_day import CalibrationDay
 from recoil_rigs.tables.channel_table import ChannelSpec, Sensor
 from recoil_rigs.tables.force_input import ForceInput
-from recoil_rigs.tables.issue import NOTHING_STATED, Issue
+from recoil_rigs.tables.issue import NOTHING_STATED, REPORT, Issue
 from recoil_rigs.tables.knowledge import NOTHING_KNOWN, Knowledge
 from recoil_rigs.tables.rig_tables import (
     MOTIONS,
@@ -308,7 +308,8 @@ class Rig(Listed):
     def warnings(self) -> tuple[Fault, ...]:
         """Values that a rig may have and few do."""
         sources, channels = self._rows
-        return (*unusual_values(self.mechanism, sources, channels), *self.foreign_keys)
+        doubts = [fault.below((REPORT,)) for fault in self.report.shared_number]
+        return (*unusual_values(self.mechanism, sources, channels), *self.foreign_keys, *doubts)
 
     @property
     def foreign_keys(self) -> tuple[Fault, ...]:

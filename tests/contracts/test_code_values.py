@@ -10,14 +10,18 @@ from recoil_acquisition.errors import ErrorCode, FaultCode, FileEnd
 from recoil_acquisition.remark import CautionCode, NoteCode, ReasonCode, Severity
 from recoil_acquisition.shot.quality_check import Check
 from recoil_identification.campaign.signal_kind import SignalKind
+from recoil_identification.estimate.conformity import Word
+from recoil_identification.report.document.certificate_document import Behind
 from recoil_processing.repairs.repair import RepairKind
 from recoil_processing.shot.error_source import SourceGroup, SourceKind
 
 VALUES: dict[type[StrEnum], str] = {
     ErrorCode: (
         "read, format, corrupt, channel, no signal, frame rate, framing, store, rig, device, alignment, "
-        "identification, worker, shortage, other, cut off, no source, not installed, exists"
+        "identification, worker, shortage, other, cut off, no source, not installed, exists, not valid"
     ),
+    Word: "conforms, does not conform, not shown, not stated",
+    Behind: "answer, report, shot, header",
     FaultCode: (
         "syntax, missing, unknown, duplicate, type, value, range, unit, contradiction, ambiguous, file, changed, "
         "at rest, unusual, overdue, later, open"

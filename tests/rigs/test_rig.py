@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 import os
 import re
 import sys
@@ -776,6 +777,29 @@ def test_a_calibration_is_overdue_from_the_day_after_it_was_due() -> None:
     assert str(fault).startswith("channel 'p_breech'.sensor.due: ")
     assert "2026-12-31" in str(fault)
     assert len(judged(2030, 1, 1)) == 2
+
+
+def test_a_certificate_is_stated_as_it_is_written() -> None:
+    sensor = rig_of(changed(("u_rel = 0.01 }", "U_rel = 0.03, k = 2.5, nu = 12 }"))).channel("rate_daq").sensor
+    assert (sensor.u_rel, sensor.U_rel, sensor.k, sensor.nu) == (0.012, 0.03, 2.5, 12.0)
+    assert sensor.states_u_rel
+    two = rig_of(changed(("u_rel = 0.01 }", "U_rel = 0.03 }"))).channel("rate_daq").sensor
+    assert (two.u_rel, two.k, two.nu) == (0.015, None, math.inf)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "fault"),
+    [
+        ("u_rel = 0.01, U_rel = 0.03 }", "`u_rel` is not `U_rel` / `k`: state one of them"),
+        ("u_rel = 0.01, k = 2 }", "`k` needs `U_rel`"),
+        ("U_rel = 0.03, k = 0 }", "the coverage factor of `U_rel`"),
+        ("U_rel = true }", "the expanded uncertainty of its scale"),
+        ("u_rel = 0.01, nu = 0.5 }", "the degrees of freedom of `u_rel`, 1 or more"),
+        ("u_rel = 0, nu = 5 }", "`nu` needs `u_rel`"),
+    ],
+)
+def test_a_certificate_that_contradicts_itself_is_refused(sensor: str, fault: str) -> None:
+    assert any(fault in str(one) for one in faults_of(("u_rel = 0.01 }", sensor)))
 
 
 # Files

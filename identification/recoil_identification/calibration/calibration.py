@@ -29,7 +29,7 @@ from recoil_identification.inference.correlation import Correlation
 from recoil_identification.inference.estimate import Estimate, residual_against_none
 from recoil_identification.inference.score import Scores
 from recoil_identification.inference.solve import MOST_STEPS, solve
-from recoil_identification.inference.unknown import Prior
+from recoil_identification.inference.unknown import Prior, Reliability
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.camera_rows import CameraRows
 from recoil_identification.rows.causes import Cause
@@ -336,8 +336,13 @@ class Calibration(ReadOnlyArrays):
         size = len(self.inferred.unknowns)
         return f"Calibration({in_kg(self.estimate.mass_kg, self.estimate.u_kg)}, {size} unknowns)"
 
-    def draws(self) -> Draw:
+    def draws(self, known: Mapping[str, Reliability] = MappingProxyType({})) -> Draw:
         """Return what draws masses, linearly in the logarithms of mass and scales.
+
+        Parameters
+        ----------
+        known
+            Knowledge of the uncertainties of sources, see `recoil_identification.estimate.reliability`.
 
         Returns
         -------
@@ -347,7 +352,7 @@ class Calibration(ReadOnlyArrays):
         degrees_of_freedom = self.noise.degrees_of_freedom
 
         def draw(rng: np.random.Generator, count: int) -> Array:
-            logs = self.inferred.draws(motion.MASS.name, rng, count, degrees_of_freedom)
+            logs = self.inferred.draws(motion.MASS.name, rng, count, degrees_of_freedom, known)
             if self.misfit:
                 logs += self.misfit * rng.standard_normal(count)
             # so far off no model holds that is linear in the logarithms

@@ -13,6 +13,7 @@ from recoil_acquisition.measured import beside, with_figures
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_identification.shot.baseline import Baseline
 from recoil_identification.shot.shot_summary import ShotSummary
+from recoil_rigs.tables.calibration_day import CalibrationDay
 from recoil_rigs.tables.specification import Specification
 
 JUDGED_TOGETHER = "used: what speaks against it alone, all shots together judge better"
@@ -65,6 +66,8 @@ class CampaignShot:
         Identity of its report, and the tolerance of the mass.
     channels, constants
         Chains of its channels, and constants of its rig, as its report states them.
+    calibration_day
+        Day by which its calibrations are judged; None where its report states neither that nor a start.
     """
 
     name: str
@@ -91,6 +94,7 @@ class CampaignShot:
     issued: Mapping[str, Any] = field(default_factory=dict)
     channels: tuple[Mapping[str, Any], ...] = ()
     constants: tuple[Mapping[str, Any], ...] = ()
+    calibration_day: CalibrationDay | None = None
 
     @classmethod
     def of_report(cls, document: Mapping[str, Any]) -> CampaignShot:
@@ -131,6 +135,7 @@ class CampaignShot:
                 issued=dict(document.get("issued") or {}),
                 channels=tuple(map(_channel, document.get("channels") or ())),
                 constants=tuple(map(_constant, document.get("constants") or ())),
+                calibration_day=CalibrationDay.of_report(document),
             )
         except (KeyError, TypeError, AttributeError, OverflowError) as error:
             raise ValueError(f"it is no report of a shot: {type(error).__name__}: {error}") from error

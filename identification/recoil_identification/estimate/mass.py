@@ -31,6 +31,10 @@ from recoil_processing.shot.sensor_scales import ScaleUncertainty
 MEASURAND = "the mass that the forces move: oil and rods that go along, and what was added for the shot, included"
 MEASURAND_OF_SHOTS = "the mass that the forces move: oil and rods that go along included, what was added left out"
 """What mass a shot's report, and a campaign's, is about."""
+LOGARITHMIC = ("calibrated", "camera")
+"""Methods whose unknown is the logarithm of the mass, beside those of the scales."""
+LARGEST_LOGARITHM = 700.0
+"""Logarithm of the largest factor that is a number."""
 RANDOM = ErrorSource(SourceKind.RANDOM)
 """Source of the budget row that statistics of the regression's residual give."""
 ACCELERATION = ErrorSource(SourceKind.SENSITIVITY, "recoil_acceleration")
@@ -89,8 +93,11 @@ class MassEstimate:
 
     @property
     def interval_kg(self) -> tuple[float, float]:
-        """95 % coverage interval."""
+        """95 % coverage interval: symmetric in ln m where that is the unknown, for there the fit is linear."""
         half = self.coverage_factor * self.u_kg
+        if self.method in LOGARITHMIC:
+            by = math.exp(min(half / self.mass_kg, LARGEST_LOGARITHM))
+            return self.mass_kg / by, self.mass_kg * by
         return self.mass_kg - half, self.mass_kg + half
 
     def __str__(self) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
@@ -26,6 +27,17 @@ LEAST_BLOCKS = 5
 """Fewest blocks: from fewer the scatter of the blocks' results, which decides, is itself hardly known."""
 DIGITS = 2
 """Significant digits of the standard uncertainty that are meaningful."""
+
+
+class IntervalBy(StrEnum):
+    """How the interval of a mass came about."""
+
+    GUM = "GUM"
+    """The mass and k standard uncertainties."""
+    LOGARITHM = "GUM in ln m"
+    """The same of its logarithm."""
+    MONTE_CARLO = "Monte Carlo"
+    """The draws, since they do not validate the GUM's (JCGM 101:2008, 8.2)."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +71,10 @@ class MonteCarlo:
     def converged(self) -> bool:
         """True if the results are known to the tolerance."""
         return self.scatter <= self.tolerance
+
+    def validates(self, interval: tuple[float, float]) -> bool:
+        """Whether the ends of another interval are off by no more than the tolerance and the scatter (8.1)."""
+        return max(map(abs, self.differences(interval))) <= self.tolerance + self.scatter
 
     def differences(self, interval: tuple[float, float]) -> tuple[float, float]:
         """How far the ends of another interval are off, such as the GUM's: low, high."""

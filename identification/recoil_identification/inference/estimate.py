@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.numerics.read_only import ReadOnlyArrays
-from recoil_identification.inference.unknown import Prior, Unknown, exactly_known
+from recoil_identification.inference.unknown import Prior, Reliability, Unknown, exactly_known
 
+LEAST_PART = 0.03
+"""Share of a standard uncertainty below which it does not matter how well a part is known: 1e-3 of the variance."""
 LEAST_REDUNDANCY = 1e-4
 """Share of a prior's variance below which everything else says nothing about a prior, and it has no normalised
 residual: what could be seen there would be off by more than three hundred standard uncertainties."""
@@ -160,6 +163,7 @@ class Estimate(ReadOnlyArrays):
         rng: np.random.Generator,
         count: int,
         degrees_of_freedom: float = math.inf,
+        known: Mapping[str, Reliability] = MappingProxyType({}),
     ) -> Array:
         """Draw values of an unknown from its distribution, shape (count,).
 
@@ -167,13 +171,30 @@ class Estimate(ReadOnlyArrays):
         ----------
         degrees_of_freedom
             Degrees of freedom with which the size of the rows' errors is known: their part is then of Student's t.
+        known
+            Knowledge of the uncertainties of sources: of Student's t where a certificate states degrees of freedom
+            (JCGM 101:2008, 6.4.9.7); of what is guessed the uncertainty is drawn too, as it is known.
         """
         random = self.u_random(name) * rng.standard_normal(count)
         if math.isfinite(degrees_of_freedom):
             random *= np.sqrt(degrees_of_freedom / rng.chisquare(degrees_of_freedom, count))
+        parts = self.contributions[self._place(name)]
+        weighty = [
+            (part, known[source])
+            for part, source in zip(parts.tolist(), self.sources, strict=True)
+            if source in known and abs(part) > LEAST_PART * float(np.linalg.norm(parts))
+        ]
+        found = self.value(name) + random
+        for part, of in weighty:
+            size = part * rng.standard_normal(count)
+            if of.u_rel:
+                size *= 1.0 + of.u_rel * rng.standard_normal(count)
+            else:
+                size *= np.sqrt(of.degrees_of_freedom / rng.chisquare(of.degrees_of_freedom, count))
+            found = found + size
         # of sources that are normal and enter linearly the sum is drawn at once: it is normal, too
-        known = float(np.linalg.norm(self.contributions[self._place(name)])) * rng.standard_normal(count)
-        return np.asarray(self.value(name) + random + known)
+        normal = math.sqrt(max(float(parts @ parts) - math.fsum(part**2 for part, _ in weighty), 0.0))
+        return np.asarray(found + normal * rng.standard_normal(count))
 
     def __repr__(self) -> str:
         return f"Estimate({len(self.unknowns)} unknowns, {len(self.sources)} sources, {self.rows} rows)"

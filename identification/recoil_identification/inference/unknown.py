@@ -89,6 +89,22 @@ class Prior(ReadOnlyArrays):
         return self.rows.shape == (1, 1) and self.rows[0, 0] != 0 and self.covariance[0, 0] == 0
 
 
+@dataclass(frozen=True)
+class Reliability:
+    """Knowledge of a standard uncertainty.
+
+    Attributes
+    ----------
+    degrees_of_freedom
+        Degrees of freedom of it.
+    u_rel
+        Share to which it is known if it is a guess; 0 where a certificate's degrees of freedom tell that.
+    """
+
+    degrees_of_freedom: float
+    u_rel: float = 0.0
+
+
 def exactly_known(priors: Sequence[Prior]) -> dict[str, float]:
     """Return the values of the unknowns that priors say exactly.
 

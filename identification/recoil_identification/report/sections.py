@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from recoil_identification.report.content import campaign_tables, sentences, tables
+from recoil_identification.report.content import campaign_tables, certificate_tables, sentences, tables
 from recoil_identification.report.content.section import ALL_OTHERS, Column, Section
+from recoil_identification.report.document.certificate_document import SCHEMA as CERTIFICATE_SCHEMA
 from recoil_identification.report.results import beside, day, history, shot_index, sweep
 
 Document = Mapping[str, Any]
@@ -429,6 +430,92 @@ _OF_RESULTS = {shot_index.SCHEMA: INDEX_SECTIONS, sweep.SCHEMA: SWEEP_SECTIONS}
 """Sections of documents of results in a row."""
 
 
+_RESULTS = Section(
+    "results",
+    "Results",
+    "Each value with its expanded uncertainty U = k u for a coverage of 95 %, and effective degrees of freedom ν; a "
+    "dash where no uncertainty is known.",
+    (
+        Column("quantity", "Quantity", "name"),
+        Column("value", "Value", "number"),
+        Column("U", "U", "number"),
+        Column("k", "k", "number"),
+        Column("nu", "ν", "number"),
+        Column("unit", "Unit"),
+    ),
+    certificate_tables.results,
+    as_stated=True,
+)
+_OF_A_CERTIFICATE = (
+    Section(
+        "conditions",
+        "Measurand, method, decision rule",
+        sentences=certificate_tables.conditions,
+        listed=True,
+        as_stated=True,
+    ),
+    Section(
+        "shots",
+        "What was tested",
+        "Each shot as it was fired: what it added, and whether it counts.",
+        (
+            Column("shot", "Shot", "name"),
+            Column("fired", "Fired at"),
+            Column("source", "Told by", "long"),
+            Column("configuration", "Configuration"),
+            Column("added", "Added", "number", "kg"),
+            Column("mass", "Own mass", "number", "kg"),
+            Column("u", "u", "number", "kg"),
+            Column("use", "Use", "long"),
+        ),
+        certificate_tables.shots,
+        sparse=True,
+        as_stated=True,
+    ),
+    Section(
+        "calibrations",
+        "Calibrations on the day of firing",
+        "The sensor of each channel that the result rests on: number of its calibration, relative uncertainty U = k u "
+        "of its scale as it is stated, degrees of freedom ν, and whether it was in force when the shots were fired.",
+        (
+            Column("channel", "Channel", "name"),
+            Column("sensor", "Sensor"),
+            Column("certificate", "Certificate"),
+            Column("calibrated", "Calibrated"),
+            Column("due", "Due"),
+            Column("U", "U", "number"),
+            Column("k", "k", "number"),
+            Column("nu", "ν", "number"),
+            Column("shots", "Shots", "long"),
+            Column("in_force", "On that day", "long"),
+        ),
+        certificate_tables.calibrations,
+        sparse=True,
+        as_stated=True,
+    ),
+    Section(
+        "deviations",
+        "Deviations, repairs, what is taken for granted",
+        sentences=certificate_tables.deviations,
+        listed=True,
+        as_stated=True,
+    ),
+    Section(
+        "chain",
+        "What it rests on",
+        "Every document and shot file behind this certificate; another content has another SHA-256.",
+        (
+            Column("file", "File", "name", wide=True),
+            Column("what", "What it is"),
+            Column("sha256", "SHA-256", "code"),
+        ),
+        certificate_tables.chain,
+        fold_beyond=20,
+        as_stated=True,
+    ),
+)
+
+
 def sections_of(document: Document) -> tuple[Section, ...]:
     """Return the sections of a document, by what it is: a target's tables are its own, and so are reports' columns."""
     if (listed := _OF_RESULTS.get(document.get("schema", ""))) is not None:
@@ -438,6 +525,8 @@ def sections_of(document: Document) -> tuple[Section, ...]:
         return (*INDEX_SECTIONS, day.CAMPAIGN, lost, day.log_section(document), day.COPY)
     if document.get("schema") == beside.SCHEMA:
         return (*beside.differing(document), Section("figures", figure=ALL_OTHERS), INPUTS)
+    if document.get("schema") == CERTIFICATE_SCHEMA:
+        return (_RESULTS, *certificate_tables.peaks_section(document), *_OF_A_CERTIFICATE)
     if "target" in document:
         return (
             _QUANTITIES,

@@ -13,7 +13,7 @@ from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot.causes import as_notes, by_cause
 from recoil_acquisition.shot.shot import Shot
-from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.calibration.calibration import Calibration, sources_of
 from recoil_identification.calibration.gauge_agreement import gauge_set_aside
 from recoil_identification.calibration.mass_over_time import mass_constancy, mass_over_time
 from recoil_identification.calibration.methods import FURTHER, Method, calibrated
@@ -24,6 +24,7 @@ from recoil_identification.calibration.uncertainty import contributions, note_on
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.mass import forward_mass, reverse_mass
 from recoil_identification.estimate.monte_carlo import propagate
+from recoil_identification.estimate.reliability import of_sources, with_reliabilities
 from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
 from recoil_identification.estimators.errors_in_variables import neighbouring_force
 from recoil_identification.estimators.total_least_squares import total_least_squares_mass
@@ -36,7 +37,7 @@ from recoil_identification.shot.default_method import default_method
 from recoil_identification.shot.filter_choice import choose_filter, mass_filter
 from recoil_identification.shot.force_checks import force_checks
 from recoil_identification.shot.identified import Identification, Options
-from recoil_identification.shot.method_result import method_result
+from recoil_identification.shot.method_result import CORRECTED, method_result
 from recoil_identification.shot.preparation import prepare
 from recoil_identification.shot.route import Route
 from recoil_identification.shot.sensor_doubts import notes_on_doubts
@@ -221,12 +222,19 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
     window_s, window_choice = trace_window(
         memory_s, route.filtered, *corrections.correct(route.filtered), default_s=MEMORY_S
     )
-    estimates, draws, averaged = dict(route.estimates), calibration.draws(), calibration.estimate
+    estimates, draws, averaged = (
+        dict(route.estimates),
+        calibration.draws(of_sources(sources_of(calibration.inferred), fired.rig)),
+        calibration.estimate,
+    )
     if chain is not None:
         # the mass is the mean over what nobody stated; the doubts of it are weighed without
         asked = constancy.beside if constancy is not None and constancy.by_the_chain else calibration
         estimates[averaged.method] = averaged = chain.averaged(asked.estimate)
         draws = chain.draws(draws)
+    estimates = {
+        name: with_reliabilities(one, fired.rig, corrected=name in CORRECTED) for name, one in estimates.items()
+    }
     results = {
         name: method_result(estimate, route.regressions[name], corrections, window_s, fired.rig)
         for name, estimate in estimates.items()

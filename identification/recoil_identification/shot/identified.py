@@ -19,8 +19,8 @@ from recoil_identification.calibration.skew import RecorderSkew
 from recoil_identification.calibration.suspicion import ShotSuspicion
 from recoil_identification.calibration.trace import MassTrace
 from recoil_identification.calibration.zero_shift import ZeroShift
-from recoil_identification.estimate.mass import MassEstimate
-from recoil_identification.estimate.monte_carlo import MonteCarlo
+from recoil_identification.estimate.mass import LOGARITHMIC, MassEstimate
+from recoil_identification.estimate.monte_carlo import IntervalBy, MonteCarlo
 from recoil_identification.estimate.rounding import in_kg
 from recoil_identification.estimators.endogeneity import Endogeneity
 from recoil_identification.memory.window_length import WindowChoice
@@ -271,6 +271,33 @@ class Identification(ReadOnlyArrays):
             float(force @ force / (acceleration @ force)),
         )
         return min(ends), max(ends)
+
+    @property
+    def distribution(self) -> MonteCarlo | None:
+        """Distribution of the reported mass; None where it is by a method that nothing was drawn of."""
+        return self.monte_carlo if self.chosen.estimate.method == self.route.calibration.estimate.method else None
+
+    @property
+    def interval_by(self) -> IntervalBy:
+        """Way of the reported interval: where the draws do not validate the GUM's it is theirs (JCGM 101, 8.2)."""
+        estimate, drawn = self.chosen.estimate, self.distribution
+        if drawn is not None and not drawn.validates(estimate.interval_kg):
+            return IntervalBy.MONTE_CARLO
+        return IntervalBy.LOGARITHM if estimate.method in LOGARITHMIC else IntervalBy.GUM
+
+    @property
+    def interval_kg(self) -> tuple[float, float]:
+        """95 % coverage interval of the mass."""
+        drawn = self.distribution
+        if drawn is not None and self.interval_by is IntervalBy.MONTE_CARLO:
+            return drawn.interval
+        return self.chosen.estimate.interval_kg
+
+    @property
+    def expanded_kg(self) -> float:
+        """Half the width of it."""
+        low, high = self.interval_kg
+        return 0.5 * (high - low)
 
     @property
     def valid(self) -> bool:

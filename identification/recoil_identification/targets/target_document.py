@@ -14,7 +14,7 @@ from recoil_acquisition.remark import Remark, findings_of
 from recoil_acquisition.shot.quality_check import Check
 from recoil_acquisition.shot.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log_row import ShotLogRow
-from recoil_identification.estimate.conformity import conformity_of
+from recoil_identification.estimate.conformity import stated_conformity
 from recoil_identification.report.document.document import outputs_of, provenance_inputs, started
 from recoil_identification.report.document.report_files import DRAWN, computer, json_bytes, sealed, stated, to_json
 from recoil_identification.report.document.traceability import channels_of, constants_of, rig_of
@@ -73,7 +73,7 @@ def target_document(
         **started(shot),
         "shot_log": None if row is None else row.to_json(),
         "corrections": [one.to_json() for one in corrections],
-        "quantities": [_quantity(one) | _conformity(one, issued, rig) for one in found.quantities],
+        "quantities": [_quantity(one) | _conformity(one, issued, rig, valid=found.valid) for one in found.quantities],
         "series": series,
         "tables": [
             {"title": t.title, "caption": t.caption, "columns": list(t.columns), "rows": [list(r) for r in t.rows]}
@@ -118,15 +118,14 @@ def _quantity(one: Quantity) -> dict[str, Any]:
     }
 
 
-def _conformity(one: Quantity, issued: Issue, rig: Rig | None) -> dict[str, Any]:
+def _conformity(one: Quantity, issued: Issue, rig: Rig | None, *, valid: bool) -> dict[str, Any]:
     """State the conformity of a mass of the recoiling part with its tolerance, as for the mass of the report.
 
     A rig states a tolerance of no other quantity.
     """
-    if rig is None or not one.of_recoiling_part or not one.identified:
+    if rig is None or issued.tolerance_kg is None or not one.of_recoiling_part or not one.identified:
         return {}
-    conformity = conformity_of(issued.tolerance_kg, rig.specification, one.value, one.u)
-    return {} if conformity is None else {"conformity": conformity.to_json()}
+    return {"conformity": stated_conformity(issued, rig.specification, one.value, one.u, valid=valid)}
 
 
 def normalised_error(one: Quantity) -> float:

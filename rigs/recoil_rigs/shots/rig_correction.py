@@ -24,9 +24,9 @@ from recoil_rigs.tables.channel_table import Sensor
 Table = TypeVar("Table", Source, ChannelSpec)
 
 OF_A_CERTIFICATE = (
-    "model", "certificate", "calibrated", "due", "u_rel", "calibration", "reference", "u_reference_rel",
-    "u_zero_rel", "u_distortion_m", "gain", "u_gain", "offset", "sensitivity", "sensitivity_unit", "zero", "amplifier",
-    "time_constant_s", "u_time_constant_s",
+    "model", "certificate", "calibrated", "due", "u_rel", "U_rel", "k", "nu", "calibration", "reference",
+    "u_reference_rel", "u_zero_rel", "u_distortion_m", "gain", "u_gain", "offset", "sensitivity", "sensitivity_unit",
+    "zero", "amplifier", "time_constant_s", "u_time_constant_s",
 )  # fmt: skip
 """Keys of a sensor that may be corrected: none tells one sensor from another or moves a sample in time."""
 OF_A_CAMERA = ("scale_mm_per_px",)

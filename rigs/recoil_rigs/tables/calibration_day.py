@@ -10,6 +10,12 @@ from typing import Any, NamedTuple
 
 from recoil_acquisition.remark import Severity
 from recoil_acquisition.shot.quality_check import Check
+from recoil_acquisition.shot.shot import Shot
+
+DAY = "day"
+"""Parameter in a shot's history: day that calibrations had to cover when it was checked."""
+DAY_OF = "day_of"
+"""Parameter in a shot's history: what happened on that day; an earlier version took the day of the ingest."""
 
 
 class DayOf(StrEnum):
@@ -58,6 +64,32 @@ class CalibrationDay(NamedTuple):
             return cls(dt.date.fromisoformat((started or "")[:10]), DayOf.START)
         return cls(dt.date.today() if on is None else on, otherwise)
 
+    @classmethod
+    def of_shot(cls, shot: Shot) -> CalibrationDay:
+        """Return the day by which the calibrations of a shot are judged, as they were when it was ingested."""
+        checked = next((step.parameters for step in reversed(shot.history) if step.what == "ingest"), {})
+        with suppress(KeyError, ValueError):
+            return cls(dt.date.fromisoformat(checked[DAY]), DayOf(checked[DAY_OF]))
+        on = dt.date.fromisoformat(checked[DAY]) if DAY in checked else None
+        return cls.of_start(shot.started, DayOf.INGEST, on)
+
+    @classmethod
+    def of_report(cls, document: Mapping[str, Any]) -> CalibrationDay | None:
+        """Return the day by which a report judged its calibrations; that of its start for one that does not say so.
+
+        Raises
+        ------
+        ValueError
+            If something else stands there; None is returned where the report states neither.
+        """
+        if said := document.get("calibration_day"):
+            return cls(dt.date.fromisoformat(said["on"]), DayOf(said["of"]))
+        return cls.of_start(document["started"], DayOf.START) if document.get("started") else None
+
+    def to_json(self) -> dict[str, str]:
+        """Return JSON types."""
+        return {"on": self.on.isoformat(), "of": self.of.value}
+
     def faults(self, calibrated: dt.date | None, due: dt.date | None) -> tuple[str, str]:
         """Say why a calibration does not cover the day.
 
@@ -85,7 +117,14 @@ def calibrations_in_short(document: Mapping[str, Any]) -> str:
     """Say how many calibrations do not cover the day of a document's shot; empty if all do."""
     count = len(_uncovered(document))
     does = "a calibration does" if count == 1 else f"{count} calibrations do"
-    return f"{does} not cover the day of the shot" if count else ""
+    return f"{does} not cover the day of the {_what_day(document)}" if count else ""
+
+
+def _what_day(document: Mapping[str, Any]) -> str:
+    """Name the day that a report's calibrations, or those of a campaign's shots, are judged by."""
+    said = [one["calibration_day"] for one in (document, *document.get("shots", ())) if one.get("calibration_day")]
+    is_of_ingest = bool(said) and all(one["of"] == DayOf.INGEST for one in said)
+    return "ingest" if is_of_ingest else "shot"
 
 
 def calibrations_in_words(document: Mapping[str, Any]) -> str:

@@ -8,9 +8,10 @@ instead of percent.
 from __future__ import annotations
 
 import datetime as dt
+import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,6 +32,7 @@ from recoil_acquisition.quantities.typed_quantity import TypedError, typed_quant
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Line, Spreadsheet
 from recoil_acquisition.store.written_number import decimal_mark
 from recoil_rigs.tables.channel_table import ChannelSpec
+from recoil_rigs.tables.digital_certificate import is_digital_certificate, read_digital_certificate
 from recoil_rigs.tables.sensitivity import sensitivity_from_text
 
 USUAL_NAME = "sensors.csv"
@@ -49,6 +51,9 @@ COLUMNS: Mapping[str, str] = {
     "range_high": "upper end of the range",
     "U_percent": "expanded uncertainty of the sensitivity, percent",
     "k": "coverage factor of U_percent, mostly 2",
+    "nu": "degrees of freedom of U_percent / k, where the certificate states them",
+    "certificate": "number of the certificate",
+    "dcc": "file of the digital certificate (DCC), beside the table; what the row leaves out is as it says",
     "calibrated": "date of the certificate, such as 2026-03-01 or 01.03.2026",
     "due": "date by which it is to be calibrated again",
     "calibration": "static or dynamic: found at rest, or in pulses like a shot's",
@@ -76,21 +81,25 @@ _UNIT_BESIDE: Mapping[str, str] = {
 """Column of numbers -> the one that states their unit."""
 _TEXTS = (
     "serial", "model", "signal", "quantity", "unit", "sensitivity_unit", "calibration", "reference", "filter_type",
+    "certificate", "dcc",
 )  # fmt: skip
 _DATES = ("calibrated", "due")
 _WHOLE = ("filter_order",)
 _SIGNED = ("range_low", "range_high", "zero_volts")
-_POSITIVE = ("sensitivity", "k", "amplifier", "filter_hz", "filter_order")
+_POSITIVE = ("sensitivity", "k", "nu", "amplifier", "filter_hz", "filter_order")
 _DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})", re.ASCII)
 """Dates as German spreadsheets write them; with slashes nobody knows which number is the day."""
 _CHOICES: Mapping[str, tuple[str, ...]] = {
     "calibration": ("static", "dynamic"), "filter_type": ("bessel", "butterworth"),
 }  # fmt: skip
 """Column of texts -> what may stand there."""
+SAME = 1e-6
+"""Relative difference of two numbers that say the same, of which one may be rounded."""
 MOST_LINES = 8
 """Number of further rows with the same fault that are named."""
 _PAIRS = (
-    ("U_percent", "k"), ("k", "U_percent"), ("range_low", "range_high"), ("range_high", "range_low"),
+    ("U_percent", "k"), ("k", "U_percent"), ("nu", "U_percent"), ("range_low", "range_high"),
+    ("range_high", "range_low"),
     ("sensitivity", "sensitivity_unit"), ("sensitivity_unit", "sensitivity"), ("range_high", "unit"),
     ("zero_volts", "sensitivity"),
     ("u_reference_percent", "reference"), ("filter_type", "filter_hz"), ("filter_order", "filter_type"),
@@ -106,13 +115,22 @@ class Certificate:
     Attributes
     ----------
     line
-        Line of the file in which it stands, from 1.
+        Line of the file in which it stands, from 1; 0 of a digital certificate.
     cells
         Stated values by their columns: texts, numbers and dates; what is left out has no key.
+    file, said
+        Name of its file, and what a digital certificate's signature says of it; empty of a row that names none.
     """
 
     line: int
     cells: Mapping[str, Any]
+    file: str = ""
+    said: str = ""
+
+    @property
+    def place(self) -> str:
+        """Where it stands, in words."""
+        return f"row {self.line} of the table" if self.line else self.file
 
     @property
     def serial(self) -> str:
@@ -143,10 +161,10 @@ class Certificate:
             stays in the table's.
         """
         cells = self.cells
-        found: dict[str, Any] = {key: cells[key] for key in ("model", "serial", *_DATES) if key in cells}
+        found: dict[str, Any] = {key: cells[key] for key in ("model", "serial", "certificate", *_DATES) if key in cells}
         if "U_percent" in cells:
             found["u_rel"] = _rounded(cells["U_percent"] / cells["k"] / 100.0)
-        found |= {key: cells[key] for key in ("calibration", "reference") if key in cells}
+        found |= {key: cells[key] for key in ("nu", "calibration", "reference") if key in cells}
         for column, key in (("u_reference_percent", "u_reference_rel"), ("zero_percent", "u_zero_rel")):
             if column in cells:
                 found[key] = _rounded(cells[column] / 100.0)
@@ -197,15 +215,18 @@ def _rounded(value: float) -> float:
 
 
 def read_certificates(path: Path) -> tuple[Certificate, ...]:
-    """Read a table of certificates.
+    """Read a table of certificates, or a digital one.
 
     Raises
     ------
     ReadError
-        If it is no table of text with a column ``serial``.
+        If it is no table of text with a column ``serial``; if a digital certificate is none, was changed or revoked.
     RigError
         With every fault of its cells: row, column, what is expected, what stands there.
     """
+    if is_digital_certificate(path):
+        found_there = read_digital_certificate(path)
+        return (Certificate(0, found_there.cells, path.name, str(found_there)),)
     sheet = Spreadsheet.of(read_small(path, LARGEST_BYTES, "a table of certificates"), path, "serial")
     names = {name.casefold(): name for name in COLUMNS}
     columns = [names.get(name.casefold(), "") for name in sheet.names()]
@@ -219,14 +240,46 @@ def read_certificates(path: Path) -> tuple[Certificate, ...]:
     rows = _Rows(columns, decimal_mark(sheet, numbers))
     found = [one for line in sheet.lines if (one := rows.read(line)) is not None]
     faults += rows.faults()
-    for k, one in enumerate(found):
-        before = next((before for before in found[:k] if before.names_same(one)), None)
-        if before is not None:
-            problem = f"row {before.line} has the same sensor and quantity; leave the older certificate out"
-            faults.append(Fault((Row(f"row {one.line}", one.serial), "serial"), problem, FaultCode.DUPLICATE))
+    found = [_with_digital(one, path.parent, faults) for one in found]
+    faults += same_twice(found)
     if faults:
         raise RigError(path, faults)
     return tuple(found)
+
+
+def same_twice(found: Sequence[Certificate]) -> list[Fault]:
+    """Name the certificates of which another one is of the same quantity of the same sensor."""
+    faults = []
+    for k, one in enumerate(found):
+        before = next((before for before in found[:k] if before.names_same(one)), None)
+        if before is not None:
+            where = f"row {before.line}" if before.line else before.file
+            problem = f"{where} has the same sensor and quantity; leave the older certificate out"
+            row = f"row {one.line}" if one.line else one.file
+            faults.append(Fault((Row(row, one.serial), "serial"), problem, FaultCode.DUPLICATE))
+    return faults
+
+
+def _with_digital(row: Certificate, folder: Path, faults: list[Fault]) -> Certificate:
+    """Fill in what a row leaves out by the digital certificate that it names; what differs is a fault."""
+    if "dcc" not in row.cells:
+        return row
+    found = read_digital_certificate(folder / row.cells["dcc"])
+    for column, value in found.cells.items():
+        stated = row.cells.get(column, value)
+        if not _same(column, stated, value):
+            problem = f"{row.cells['dcc']} says {value}; found {stated}: correct it, or leave it out"
+            faults.append(Fault((Row(f"row {row.line}", row.serial), column), problem, FaultCode.CONTRADICTION))
+    return replace(row, cells={**found.cells, **row.cells}, file=str(row.cells["dcc"]), said=str(found))
+
+
+def _same(column: str, one: Any, other: Any) -> bool:
+    """Whether two cells of a column say the same."""
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=SAME)
+    if column == "sensitivity_unit":
+        return sensitivity_from_text(f"1 {one}").same_unit(sensitivity_from_text(f"1 {other}"))
+    return bool(one == other)
 
 
 def _unknown_column(name: str) -> Fault:
@@ -395,13 +448,13 @@ def other_certificates(channels: Sequence[ChannelSpec], path: Path) -> list[Faul
         one = certificate_for(certificates, serial=serial, signal=channel.signal, quantity=channel.quantity)
         if one is None or not serial:
             continue
-        stated = {key: getattr(sensor, key) for key in ("calibrated", "due", "u_rel", "calibration")}
+        stated = {key: getattr(sensor, key) for key in ("calibrated", "due", "u_rel", "nu", "calibration")}
         table = one.sensor(channel.unit)
         differing = [key for key, value in stated.items() if key in table and table[key] != value]
         if differing:
             values = ", ".join(f"{key} {table[key]} for {stated[key]}" for key in differing)
             remedy = f"take it over: `recoil-daq init FILES... --from RIG --sensors {quoted(path)}`"
-            problem = f"{path.name}, row {one.line}, has another certificate of {serial}: {values}; {remedy}"
+            problem = f"{path.name}, {one.place}, has another certificate of {serial}: {values}; {remedy}"
             found.append(Fault((Row("channel", channel.name), "sensor"), problem, FaultCode.CONTRADICTION))
     return found
 

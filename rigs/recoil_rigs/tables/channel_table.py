@@ -8,7 +8,7 @@ from __future__ import annotations
 import datetime as dt
 import math
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -24,6 +24,10 @@ from recoil_rigs.tables.sensitivity import (
     sensitivity_from_text,
 )
 
+USUAL_K = 2.0
+"""Coverage factor of a certificate that states none."""
+ROUNDING = 1e-9
+"""Relative difference of two numbers that say the same."""
 USUAL_U_ZERO_REL = 1e-3
 """Share of the range by which a gauge's zero may move in a shot: thermal shock of a good gauge."""
 UNRESTED_U_ZERO_REL = 1e-2
@@ -78,6 +82,13 @@ class Sensor(DeclaredTable):
     """Date by which it is to be calibrated again; ``check`` refuses one before the day of the files, or today."""
     u_rel: NotNegative = 0.0
     """Relative standard uncertainty of its scale, 1 % is 0.01; must be written where the role enters the estimate."""
+    U_rel: NotNegative | None = Field(
+        default=None, description="the expanded uncertainty of its scale, relative, as certified, in place of `u_rel`"
+    )
+    k: Positive | None = Field(default=None, description="the coverage factor of `U_rel`; 2 if left out")
+    nu: Annotated[float, Field(ge=1)] = Field(
+        default=math.inf, description="the degrees of freedom of `u_rel`, 1 or more; infinite if left out"
+    )
     calibration: Literal["static", "dynamic"] | None = None
     """How its certificate was found: ``static``, at rest, or ``dynamic``, in pulses like the shot's. A breech gauge is
     static if left out, and its scale in such a pulse is known half a percent less well."""
@@ -136,6 +147,16 @@ class Sensor(DeclaredTable):
     """Place ``[along, across]`` from its body's reference point, in the body's axes, m: A for the carriage's
     accelerometers, the centre of mass for the recoiling part's, and for its mark that a camera on the ground sees."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _takes_what_is_certified(cls, stated: Any) -> Any:
+        """Turn an expanded uncertainty into a standard one, ``u_rel = U_rel / k`` (JCGM 100:2008, 4.3.3)."""
+        if not isinstance(stated, dict) or "U_rel" not in stated or "u_rel" in stated:
+            return stated
+        whole, k = stated["U_rel"], stated.get("k", USUAL_K)
+        is_number = all(isinstance(one, int | float) and not isinstance(one, bool) for one in (whole, k))
+        return {**stated, "u_rel": whole / k} if is_number and k > 0 else stated
+
     @field_validator("sensitivity")
     @classmethod
     def _is_a_sensitivity(cls, sensitivity: float | str | None) -> float | str | None:
@@ -164,6 +185,12 @@ class Sensor(DeclaredTable):
                 faults.append(f"`sensitivity_unit` is in {self.sensitivity!r} already: leave it out")
         elif (self.sensitivity is None) != (self.sensitivity_unit is None):
             faults.append("`sensitivity` and `sensitivity_unit` go together")
+        if self.k is not None and self.U_rel is None:
+            faults.append("`k` needs `U_rel`, of which it is the coverage factor")
+        if self.U_rel is not None and abs(self.u_rel * (self.k or USUAL_K) - self.U_rel) > ROUNDING * self.U_rel:
+            faults.append("`u_rel` is not `U_rel` / `k`: state one of them")
+        if math.isfinite(self.nu) and not self.u_rel:
+            faults.append("`nu` needs `u_rel`, or `U_rel` and `k`: it says how well that is known")
         if self.u_reference_rel and not self.reference:
             faults.append("`u_reference_rel` needs `reference`, the standard's name")
         if self.u_reference_rel > self.u_rel:

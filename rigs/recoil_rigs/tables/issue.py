@@ -8,15 +8,20 @@ from __future__ import annotations
 
 import base64
 import binascii
+import datetime as dt
+import math
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field
 
 from recoil_acquisition.errors import Fault, FaultCode, ReadError, RigError
 from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.files.regular_file import read_small
-from recoil_acquisition.quantities.declaration import DeclaredTable, Pair, Text, Texts, declared
+from recoil_acquisition.quantities.declaration import DeclaredTable, Text, Texts, declared
 from recoil_acquisition.quantities.quantity import find_unit
 
 REPORT = "report"
@@ -28,7 +33,38 @@ DISPLAYED = ("acceleration", "angular_rate", "displacement", "force", "pressure"
 PICTURES = {"png": b"\x89PNG\r\n\x1a\n", "jpeg": b"\xff\xd8\xff"}
 """Kinds of pictures that a logo may be, and how their files begin."""
 
+DecisionRule = str | float
+"""`SIMPLE`, `GUARD_BAND`, or a probability of the customer's own."""
+SIMPLE, GUARD_BAND = "simple", "guard band"
+"""Names of decision rules: the measured value alone counts, or it keeps the distance U from a limit."""
+USUAL_RULE = 0.95
+"""Decision rule where none is stated: the probability from which on a mass is said to conform."""
+OF_ONE_DOCUMENT = ("number", "issue", "date", "approval", "concession", "replaces")
+"""Keys that are one document's: no other one takes them over."""
+SHOT, CAMPAIGN = "{shot}", "{campaign}"
+"""Words of a number that stand for the name of the shot, and of the campaign's folder."""
+
+_WORD = re.compile(r"\{[^{}]*\}")
 _DATA = re.compile(r"data:image/(png|jpeg);base64,([A-Za-z0-9+/=]+)")
+
+
+def _open_sides(value: Any) -> Any:
+    """Take a side without a limit, which JSON has no number for, as infinite."""
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        return value
+    return [open_side if one is None else one for one, open_side in zip(value, (-math.inf, math.inf), strict=True)]
+
+
+def _date(value: Any) -> Any:
+    """Take a date as documents have it, a text, for one."""
+    with suppress(ValueError):
+        return dt.date.fromisoformat(value) if isinstance(value, str) else value
+    return value
+
+
+_Date = Annotated[dt.date, BeforeValidator(_date)]
+_Limit = Annotated[float, Field(allow_inf_nan=True)]
+_Limits = Annotated[tuple[_Limit, _Limit], Field(strict=False), BeforeValidator(_open_sides)]
 
 
 class Issue(DeclaredTable):
@@ -41,11 +77,23 @@ class Issue(DeclaredTable):
     order: Text | None = None
     """Order under which it was found."""
     number: Text | None = None
-    """Number of the report."""
+    """Number of the report; ``{shot}`` in it is the shot's name, ``{campaign}`` that of the campaign's folder."""
     issue: Text | None = None
     """Issue of the report, and its date: "1, 2026-11-26"."""
+    date: _Date | None = None
+    """Date of issue, such as 2026-11-26."""
+    replaces: Text | None = None
+    """Number and issue of what this one replaces, and why: "TR-41, issue 1: customer's name corrected"."""
     approval: Text | None = None
     """Name of who approves the report, and when."""
+    operator: Text | None = None
+    """Name of who carried the test out."""
+    place: Text | None = None
+    """Place of the test."""
+    item: Text | None = None
+    """Item that was tested: what it is, its number, and its condition."""
+    received: _Date | None = None
+    """Date of receipt of the item, such as 2026-11-20."""
     remark: Text | None = None
     """Sentence that the reader should see."""
     logo: Text | None = None
@@ -53,8 +101,12 @@ class Issue(DeclaredTable):
     beside it."""
     concession: Text | None = None
     """Sentence on who accepts a result that is not valid or does not conform, and why: "accepted by .. because .."."""
-    tolerance_kg: Pair | None = None
-    """Tolerance ``[lower, upper]`` of the mass about the specification, kg."""
+    tolerance_kg: _Limits | None = None
+    """Tolerance ``[lower, upper]`` of the mass about the specification, kg; ``-inf`` or ``inf`` for a side without a
+    limit."""
+    decision_rule: float | str | None = None
+    """Rule, agreed with the customer, by which the mass conforms: ``"simple"``, ``"guard band"`` or a probability; 0.95
+    if left out."""
     units: Texts | None = None
     """Units of figures, peaks and sentences, one of each quantity: ``["bar", "g", "lbf"]``; SI of the others. Documents
     and tables for machines stay in SI, and masses in kg."""
@@ -62,19 +114,61 @@ class Issue(DeclaredTable):
     def contradictions(self) -> Sequence[Fault]:
         """Return what is wrong with a tolerance or a logo."""
         found: list[tuple[str, str]] = []
-        if self.tolerance_kg is not None and not self.tolerance_kg[0] < self.tolerance_kg[1]:
-            found.append(("tolerance_kg", "must be [lower, upper] about the specification, such as [-4.0, 4.0]"))
+        limits = self.tolerance_kg
+        if limits is not None and not (limits[0] < limits[1] and any(map(math.isfinite, limits))):
+            example = "such as [-4.0, 4.0], or [-inf, 4.0] with one limit"
+            found.append(("tolerance_kg", f"must be [lower, upper] about the specification, {example}"))
+        found += [("decision_rule", problem) for problem in _faults_of_rule(self.decision_rule)]
+        found += [("number", problem) for problem in _faults_of_number(self.number)]
         found += [("units", problem) for problem in _faults_of_units(self.units or ())]
         if self.logo is not None and (problem := _fault_of_logo(self.logo)):
             found.append(("logo", problem))
         return [Fault((key,), problem, FaultCode.CONTRADICTION) for key, problem in found]
 
+    @property
+    def shared_number(self) -> tuple[Fault, ...]:
+        """Number that would be that of every document."""
+        if self.number is None or _WORD.search(self.number):
+            return ()
+        problem = f"would stand on the report of every shot: write {SHOT} in it, or give it with --header"
+        return (Fault(("number",), problem, FaultCode.UNUSUAL),)
+
     def over(self, other: Issue) -> Issue:
         """Return both as one: what this one leaves out is the other's."""
         return Issue.model_validate(other.to_json() | self.to_json())
 
+    def of_another(self) -> Issue:
+        """Return what another document may take over: not what is one document's."""
+        return self.model_copy(update=dict.fromkeys(OF_ONE_DOCUMENT))
+
+    def named(self, word: str, name: str) -> Issue:
+        """Return it with the name of its document in the number.
+
+        Parameters
+        ----------
+        word
+            `SHOT` or `CAMPAIGN`.
+        name
+            Name of what the document is of.
+
+        Raises
+        ------
+        ReadError
+            If the number is that of another kind of document.
+        """
+        other = CAMPAIGN if word == SHOT else SHOT
+        if self.number is None or not _WORD.search(self.number):
+            return self
+        if other in self.number:
+            raise ReadError(
+                f"the number of [report] or of the header has {other}, and this document is of a "
+                f"{'shot' if word == SHOT else 'campaign'}",
+                expected=word, found=self.number, remedy=f"write {word} there, or give another --header",
+            )  # fmt: skip
+        return self.model_copy(update={"number": self.number.replace(word, name)})
+
     def to_json(self) -> dict[str, Any]:
-        """Return what is stated, in JSON types."""
+        """Return what is stated, in JSON types; a side without a limit is infinite."""
         return self.model_dump(mode="json", exclude_none=True)
 
 
@@ -124,6 +218,20 @@ def _picture(path: Path) -> str:
     if kind is None:
         raise ReadError("is no picture of a logo", path=path, expected="PNG or JPEG", remedy="save it as PNG")
     return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def _faults_of_rule(rule: DecisionRule | None) -> Iterator[str]:
+    """Say what is wrong with a decision rule."""
+    if rule in (None, SIMPLE, GUARD_BAND) or (isinstance(rule, float | int) and 0.5 < rule < 1.0):
+        return
+    yield f'must be "{SIMPLE}", "{GUARD_BAND}", or a probability between 0.5 and 1 such as 0.95; found {rule!r}'
+
+
+def _faults_of_number(number: str | None) -> Iterator[str]:
+    """Say what is wrong with the words in braces of a number."""
+    for word in _WORD.findall(number or ""):
+        if word not in (SHOT, CAMPAIGN):
+            yield f"may have {SHOT} or {CAMPAIGN} in it, and no other word in braces; found {word}"
 
 
 def _faults_of_units(units: Sequence[str]) -> Iterator[str]:

@@ -39,6 +39,10 @@ class Sensitivity:
         """Whether an amplifier must be known to get from the recorder's volts to it."""
         return "voltage" not in self.output.quantities
 
+    def same_unit(self, other: Sensitivity) -> bool:
+        """Whether another one is in the same unit, however it is spelled."""
+        return (self.output, self.per) == (other.output, other.per)
+
     def turned_into(self, recorded: Unit) -> bool:
         """Whether the chain behind the sensor ends in a unit: volts, or what the sensor gives out itself."""
         return bool(recorded.quantities & {"voltage", *self.output.quantities})

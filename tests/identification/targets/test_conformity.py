@@ -43,11 +43,11 @@ def test_probability_of_a_target_s_mass_is_that_of_drawn_masses() -> None:
 
 def test_the_page_says_how_probable_it_is_and_of_what_no_tolerance_is_stated() -> None:
     made = document(MASS, STIFFNESS)
-    assert [row["conforms"] for row in quantities(made)] == ["72.2 %, neither is shown", ""]
+    assert [row["conforms"] for row in quantities(made)] == ["72.2 %, NOT SHOWN", ""]
     (sentence,) = tolerances(made)
     assert "no tolerance is stated" in sentence
     page = render_target_page(made, ())
-    assert "72.2 %, neither is shown" in page
+    assert "72.2 %, NOT SHOWN" in page
 
 
 @pytest.mark.parametrize("made", [lambda: document(MASS, tolerance=None), lambda: document(STIFFNESS)])

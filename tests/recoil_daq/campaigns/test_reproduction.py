@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from recoil_acquisition.errors import ReadError
 from recoil_daq import check_reports, explain
 from recoil_daq.campaigns.campaign import campaign
 from tests.builders.campaign_reports import write_reports
@@ -62,6 +63,26 @@ def test_a_campaign_comes_again_to_the_last_bit_whatever_was_planted(tmp_path: P
 
 
 @pytest.mark.whole_way
+def test_what_is_one_document_s_is_not_taken_over_and_a_campaign_has_a_number_of_its_own(tmp_path: Path) -> None:
+    issued = {
+        "laboratory": "North", "number": "1", "issue": "2", "date": "2026-11-28", "approval": "A", "concession": "B",
+        "replaces": "0", "tolerance_kg": [None, 4.0], "decision_rule": "simple",
+    }  # fmt: skip
+    write_reports(tmp_path / "reports", campaign_of(ALTERNATING, seed=4).shots, issued=issued)
+    bare = campaign(tmp_path / "reports", out=tmp_path / "bare").document
+    assert bare["issued"] == {"laboratory": "North", "tolerance_kg": [None, 4.0], "decision_rule": "simple"}
+    assert bare["conformity"]["word"] == ("conforms" if bare["mass"]["deviation_kg"] <= 4.0 else "does not conform")
+    (tmp_path / "header.toml").write_text('number = "C-{campaign}"\n', encoding="utf-8")
+    named = campaign(tmp_path / "reports", out=tmp_path / "spring", header=tmp_path / "header.toml")
+    assert named.document["issued"]["number"] == "C-spring"
+    assert check_reports(tmp_path / "spring", workers=1).again
+    (tmp_path / "header.toml").write_text('number = "C-{shot}"\n', encoding="utf-8")
+    with pytest.raises(ReadError, match="this document is of a campaign"):
+        campaign(tmp_path / "reports", out=tmp_path / "other", header=tmp_path / "header.toml")
+    assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.whole_way
 def test_the_shots_identity_the_header_and_the_conformity_are_in_the_answer(done: Path) -> None:
     document = json.loads((done / "campaign" / "campaign.json").read_text("utf-8"))
     assert document["issued"] == {
@@ -73,7 +94,7 @@ def test_the_shots_identity_the_header_and_the_conformity_are_in_the_answer(done
     assert 0.0 < conformity["probability"] < 1.0
     assert document["channels"] == [{**CHANNEL, "shots": [one["shot"] for one in document["shots"]]}]
     page = (done / "campaign" / "campaign.html").read_text("utf-8")
-    for text in ("accepted by N", "North", "probability of conformity", f"{100 * conformity['probability']:.1f} %"):
+    for text in ("accepted by N", "North", "decision rule", f"{100 * conformity['probability']:.1f} %"):
         assert text in page
     assert check_reports(done / "campaign", workers=1).again
 

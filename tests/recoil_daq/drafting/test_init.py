@@ -19,6 +19,8 @@ from recoil_daq.drafting.rig_draft import Entry, Question, RigDraft, Table
 from recoil_rigs.rig import Rig, find_rig, load_rig, parse_rig
 from recoil_rigs.tables.rig_tables import RedundantAlignment
 from recoil_rigs.twin import TwinShot
+from tests.builders.digital_certificates import CERTIFICATE as DIGITAL
+from tests.builders.digital_certificates import laboratory
 from tests.builders.filled_drafts import WEIGHT, filled, mechanism_of, write_certificates
 from tests.builders.shared_data import shared_file
 from tests.builders.shots import make_shot
@@ -201,7 +203,8 @@ def test_whoever_is_asked_may_end_it(
     assert not (tmp_path / "rig.toml").exists()
 
 
-def test_volts_are_what_their_certificate_says(field_shot: TwinShot, tmp_path: Path) -> None:
+def recorded_in_volts(field_shot: TwinShot, folder: Path) -> Path:
+    """The recorder's file with the breech pressure as the volts of its sensor, 40 mV/MPa."""
     head, *rows = recorder_of(field_shot).read_text(encoding="utf-8").splitlines()
     columns = head.split(",")
     at = next(k for k, cell in enumerate(columns) if "p_breech" in cell)
@@ -211,7 +214,13 @@ def test_volts_are_what_their_certificate_says(field_shot: TwinShot, tmp_path: P
         cells = row.split(",")
         cells[at] = f"{0.040 * float(cells[at]):.6f}"
         lines.append(",".join(cells))
-    (tmp_path / "0001_daq.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    path = folder / "0001_daq.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def test_volts_are_what_their_certificate_says(field_shot: TwinShot, tmp_path: Path) -> None:
+    recorded_in_volts(field_shot, tmp_path)
     row = "V301,AI 6/breech,pressure,MPa,40,mV/MPa,0,250,1,2,2026-03-01,2027-03-01"
     (tmp_path / "sensors.csv").write_text(f"{CERTIFICATE}\n{row}\n", encoding="utf-8")
     drafted = draft_rig([tmp_path / "0001_daq.csv"], sensors=tmp_path / "sensors.csv", out=tmp_path / "rig.toml")
@@ -219,6 +228,23 @@ def test_volts_are_what_their_certificate_says(field_shot: TwinShot, tmp_path: P
     assert (found["quantity"], found["unit"], found["role"]) == ("pressure", "V", "breech_pressure")
     assert found["sensor"]["sensitivity"] == "40 mV/MPa"
     assert found["sensor"]["range"] == [0.0, 250.0]
+
+
+@pytest.mark.whole_way
+def test_digital_certificates_fill_the_sensors_of_the_table(run, field_shot: TwinShot, tmp_path: Path) -> None:
+    recorded, digital, table = recorded_in_volts(field_shot, tmp_path), tmp_path / "v301.xml", tmp_path / "sensors.csv"
+    digital.write_text(DIGITAL, encoding="utf-8")
+    table.write_text("serial,signal,unit,range_low,range_high,dcc\nV301,AI 6/breech,MPa,0,250,v301.xml\n", "utf-8")
+    done = run("init", recorded, digital, "--sensors", table, "--out", tmp_path / "rig.toml")
+    assert done.exit_code == 0, done.output
+    assert "D-K-15055-2026-04711 is not signed" in " ".join(done.output.split())
+    sensor = channel((tmp_path / "rig.toml").read_text(encoding="utf-8"), "AI 6/breech")["sensor"]
+    assert (sensor["sensitivity"], sensor["u_rel"], sensor["range"]) == ("40.2 mV/MPa", 0.004, [0.0, 250.0])
+    assert (sensor["certificate"], sensor["serial"]) == ("D-K-15055-2026-04711", "V301")
+    digital.write_bytes(laboratory().signed().replace(b"40.2<", b"41.2<"))
+    refused = run("init", recorded, "--sensors", digital, "--out", tmp_path / "other.toml")
+    assert (refused.exit_code, (tmp_path / "other.toml").exists()) == (3, False)
+    assert "it was changed after it was signed" in refused.output
 
 
 def test_without_certificates_nothing_of_a_sensor_is_invented(recorded: list[Path]) -> None:

@@ -11,7 +11,7 @@ import pytest
 from scipy.io import savemat
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.packages.extras import CLUSTER, EXTRAS, MDF, NOTEBOOK, PDF, SERVE, XARRAY, XLSX
+from recoil_acquisition.packages.extras import CLUSTER, EXTRAS, MDF, NOTEBOOK, PDF, SERVE, SIGN, SIGN_KEYS, XARRAY, XLSX
 from recoil_acquisition.readers.table import BY_LAYOUT, READERS, TableReader
 from recoil_daq.recording.file_summary import open_recording
 from recoil_rigs.rig import load_rig
@@ -59,6 +59,9 @@ def test_every_extra_is_a_reader_s_or_a_command_s_and_pip_knows_it():
     project = tomllib.loads((Path(__file__).resolve().parents[3] / "pyproject.toml").read_text("utf-8"))["project"]
     for name, extra in EXTRAS.items():
         assert [one.split(" ")[0] for one in project["optional-dependencies"][name]] == [extra.requirement]
+    assert {SIGN.requirement, SIGN_KEYS.requirement} == {
+        one.split(" ")[0] for one in project["optional-dependencies"]["sign"]
+    }
     beside = {NOTEBOOK.requirement, XARRAY.requirement, XLSX.requirement}
     assert set(project["optional-dependencies"]["notebook"]) == beside, "what a notebook draws and writes"
 

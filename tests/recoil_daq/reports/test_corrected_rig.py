@@ -249,6 +249,20 @@ def test_a_due_date_that_was_wrong_no_longer_warns(mixed: Range, tmp_path: Path)
     assert there == []
 
 
+@pytest.mark.whole_way
+def test_a_shot_that_was_judged_by_the_day_of_its_ingest_is_judged_by_that_of_its_start(
+    mixed: Range, tmp_path: Path
+) -> None:
+    shot = read_shot(mixed.shot_file)
+    earlier = [
+        replace(step, parameters={key: value for key, value in step.parameters.items() if key != "day_of"})
+        for step in shot.history
+    ]
+    false = QualityCheck("acc_recoil", Check.CALIBRATION, "warn", "calibration was due 2026-03-20, 251 days ago")
+    write_shot(replace(shot, history=tuple(earlier), quality=(*shot.quality, false)), tmp_path / "0001.h5")
+    assert all(one.check != "calibration" for one in read_stored(tmp_path / "0001.h5").shot.quality)
+
+
 # ---- campaigns
 
 

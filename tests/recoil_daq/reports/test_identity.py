@@ -5,13 +5,16 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import shutil
 from pathlib import Path
 
 import pytest
 from pypdf import PdfReader
+from typer.testing import CliRunner
 
 import recoil_daq
 from recoil_daq import Reported, check_reports, explain, identify_file
+from recoil_daq.cli import app
 from recoil_daq.reports.identify import Reported as Identified
 from recoil_daq.reports.output import Output
 from recoil_daq.reports.targets import identify_targets
@@ -124,3 +127,30 @@ def test_every_target_that_the_shot_allows_comes_again_and_a_changed_digit_shows
     path.write_text(json.dumps(document), encoding="utf-8")
     assert not check_reports(path, shots=stored.parent, workers=1).again
     assert done[0].document["provenance"]["digest"]
+
+
+def test_one_number_does_not_stand_on_the_reports_of_several_shots(stored: Path, tmp_path: Path) -> None:
+    (tmp_path / "shots").mkdir()
+    for name in ("0001", "0002"):
+        shutil.copy(stored, tmp_path / "shots" / f"{name}.h5")
+    header = tmp_path / "header.toml"
+    header.write_text('number = "TR-42"\n', encoding="utf-8")
+    words = ["identify", *(str(path) for path in sorted((tmp_path / "shots").iterdir())), "--header", str(header)]
+    ran = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "reports")])
+    assert (ran.exit_code, ran.output.count("\n")) == (3, 1)
+    for said in ("one number would stand on the reports of 2 shots", "{shot} in `number`", 'number = "TR-42-{shot}"'):
+        assert said in ran.output
+    assert not (tmp_path / "reports").exists()
+    Output(header=header).refuse_one_number(1)
+
+
+@pytest.mark.whole_way
+def test_a_number_has_its_shot_s_name_and_the_report_comes_again(stored: Path, tmp_path: Path) -> None:
+    (tmp_path / "header.toml").write_text('number = "TR-{shot}"\n', encoding="utf-8")
+    report = identify_file(stored, out=tmp_path / "reports", header=tmp_path / "header.toml")
+    assert report.document["issued"] == {"number": "TR-0001"}
+    assert explain(report.folder, shots=stored.parent).again
+    (tmp_path / "header.toml").write_text('number = "TR-{campaign}"\n', encoding="utf-8")
+    with pytest.raises(recoil_daq.ReadError, match="this document is of a shot"):
+        identify_file(stored, out=tmp_path / "others", header=tmp_path / "header.toml")
+    assert not (tmp_path / "others").exists()

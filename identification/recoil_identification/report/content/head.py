@@ -7,15 +7,25 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from recoil_acquisition.measured import worded
-from recoil_identification.estimate.rounding import NO_NUMBER
-from recoil_identification.report.content import campaign_tables, sentences, tables
+from recoil_identification.estimate.rounding import NO_NUMBER, fixed, plain, signed
+from recoil_identification.report.content import campaign_tables, certificate_tables, sentences, tables
 from recoil_identification.report.content.chosen_units import ChosenUnits
+from recoil_identification.report.document.certificate_document import SCHEMA as CERTIFICATE
 from recoil_rigs.tables.calibration_day import calibrations_in_words
+from recoil_rigs.tables.specification import mass_decimals
 
 Document = Mapping[str, Any]
 Tone = Literal["ok", "doubt", "bad"]
-IDENTITY = ("laboratory", "customer", "order", "number", "issue", "approval", "remark")
+IDENTITY = (
+    "laboratory", "customer", "order", "number", "issue", "date", "replaces", "approval", "item", "received", "place",
+    "operator", "remark",
+)  # fmt: skip
 """Keys of the identity of a document, in the order in which they are read."""
+LABELS = {
+    "date": "date of issue", "approval": "authorized by", "item": "item tested", "received": "item received",
+    "place": "place of the test", "operator": "tested by",
+}  # fmt: skip
+"""Keys of the identity that have other words on page and paper."""
 PEAKS = "Peaks"
 """Title of the facts that stand with the verdict."""
 Facts = tuple[tuple[str, str], ...]
@@ -32,14 +42,11 @@ class Measure:
         Name and number with its unit.
     agrees
         Whether it agrees with what it is compared with; None where it says nothing of that, or nobody should go by it.
-    words
-        Words for a number that agrees, and for one that does not.
     """
 
     label: str
     text: str
     agrees: bool | None = None
-    words: tuple[str, str] = ("agrees", "deviates")
 
 
 @dataclass(frozen=True)
@@ -71,6 +78,8 @@ class Head:
         Rig, and date and time; empty where nothing tells.
     tone, stamp
         Colour and words of the verdict.
+    conformity
+        The one word of the conformity with the tolerance, in capitals; empty where there is nothing to state it of.
     result
         Number with its spread, or the title of what has none.
     unit
@@ -99,6 +108,7 @@ class Head:
     tone: Tone
     stamp: str
     result: str
+    conformity: str = ""
     unit: str = ""
     words: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()
@@ -128,7 +138,9 @@ class Head:
 
 def head_of(document: Document) -> Head:
     """Return the head of a shot's report, of a target's document or of a campaign's answer, by what it is."""
-    if "target" in document:
+    if document.get("schema") == CERTIFICATE:
+        head = _of_certificate(document)
+    elif "target" in document:
         head = _of_target(document)
     else:
         head = _of_campaign(document) if "shots" in document else _of_shot(document)
@@ -142,20 +154,19 @@ def head_of(document: Document) -> Head:
             (title, tuple((label, units.text(text)) for label, text in facts)) for title, facts in head.groups
         ),
         lists=tuple(replace(one, items=tuple(map(units.text, one.items))) for one in head.lists),
-        identity=tuple((key, str(issued[key])) for key in IDENTITY if issued.get(key)),
+        identity=(
+            *((LABELS.get(key, key), str(issued[key])) for key in IDENTITY if issued.get(key)),
+            *((LABELS.get(key, key), certificate_tables.NOT_STATED) for key in document.get("not_stated") or ()),
+        ),
         logo=str(issued.get("logo") or ""),
         concession=str(issued.get("concession") or ""),
     )
 
 
-def _conformity(document: Document, *, valid: bool) -> tuple[tuple[Measure, ...], Facts]:
-    """Return the probability of conformity, as a number beside the result and in words."""
+def _conformity(document: Document) -> tuple[str, tuple[str, ...], Facts]:
+    """Return the one word of the conformity, that with its rule where one was agreed, and what both rest on."""
     found = tables.conformity(document)
-    if found is None:
-        return (), ()
-    label, words = f"probability of conformity ({found['tolerance']})", ("conforms", "does not conform")
-    measure = Measure(label, found["probability"], found["conforms"] if valid else None, words)
-    return (measure,), (("conformity", found["words"]),)
+    return found["word"], tuple(filter(None, [found["said"]])), (("conformity", found["words"]),)
 
 
 def _of_shot(report: Document) -> Head:
@@ -164,7 +175,7 @@ def _of_shot(report: Document) -> Head:
     number = f"{verdict['mass']} {verdict['spread'] or ''}".rstrip() if verdict["number"] else "no number"
     factor = f" (k = {verdict['coverage_factor']}, U = {verdict['expanded']})" if verdict["coverage_factor"] else ""
     budget = tables.budget_total(report)
-    probability, conformity = _conformity(report, valid=valid)
+    word, ruled, conformity = _conformity(report)
     given = [
         ("specification", verdict["specification"] and f"{verdict['specification']} {unit}", None),
         ("deviation from the specification", verdict["off"], None),
@@ -187,14 +198,42 @@ def _of_shot(report: Document) -> Head:
         stamp="VALID" if valid else "NOT VALID",
         result=number,
         unit=unit if verdict["number"] else "",
-        words=(*_measurand(report), sentences.in_words(report)),
+        words=(*ruled, *_measurand(report), sentences.in_words(report)),
         reasons=(*([f"Valid, {verdict['deviation']}."] if verdict["deviation"] else ()), *against, *dated),
-        measures=(*(Measure(label, text, agrees) for label, text, agrees in given if text), *probability),
+        measures=tuple(Measure(label, text, agrees) for label, text, agrees in given if text),
+        conformity=word,
         groups=(
             (PEAKS, tuple(tables.peaks(report))),
             ("The shot", (*((label, text) for label, text in details if text), *conformity, *tables.facts(report))),
         ),
         lists=(Listed("Notes", (*notes, *([worded("Assumed: ", assumed, ".")] if assumed else ()))),),
+    )
+
+
+def _of_certificate(document: Document) -> Head:
+    word, ruled, _ = _conformity(document)
+    mass, uncovered = document["results"][0], [one for one in document["calibrations"] if one["in_force"] is False]
+    (row,) = (one for one in certificate_tables.results(document) if one["strong"])
+    specification, places = document["specification"], mass_decimals(mass["u"])
+    given = [
+        ("coverage factor k, degrees of freedom", f"{row['k']}, {row['nu']}"),
+        ("specification", specification["value"] and f"{plain(specification['value'])} kg"),
+        ("deviation", specification["value"] and f"{signed(fixed(specification['deviation_kg'], places))} kg"),
+    ]
+    count = len(uncovered)
+    dated = (f"{count} of {len(document['calibrations'])} calibrations were not in force on the day of firing.",)
+    return Head(
+        of=f"Certificate {certificate_tables.number_of(document)}: {certificate_tables.tested(document)}",
+        rig=str(document["rig"]),
+        when="",
+        tone="bad" if not document["valid"] else "doubt" if uncovered else "ok",
+        stamp="VALID" if document["valid"] else "NOT VALID",
+        result=f"{row['value']} ± {row['U']}",
+        conformity=word,
+        unit="kg",
+        words=(*ruled, *_measurand(document), str(document["statement"])),
+        reasons=(*document["reasons"], *(dated if uncovered else ())),
+        measures=tuple(Measure(label, text) for label, text in given if text),
     )
 
 
@@ -216,7 +255,7 @@ def _of_target(document: Document) -> Head:
 def _of_campaign(document: Document) -> Head:
     verdict, dated = campaign_tables.verdict(document), _dated(document)
     unit, valid = verdict["unit"], verdict["valid"]
-    probability, conformity = _conformity(document, valid=valid)
+    word, ruled, conformity = _conformity(document)
     given = [
         ("standard uncertainty", f"{verdict['u']} {unit}", None),
         ("specification, nothing added", verdict["specification"] and f"{verdict['specification']} {unit}", None),
@@ -228,7 +267,7 @@ def _of_campaign(document: Document) -> Head:
     charted = tuple(campaign_tables.charted(document))
     looks = campaign_tables.looks_asked_for(len(charted))
     told = (campaign_tables.unchanged, campaign_tables.agreement, campaign_tables.constancy)
-    words = (*_measurand(document), *(one(document) for one in told))
+    words = (*ruled, *_measurand(document), *(one(document) for one in told))
     return Head(
         of="Campaign",
         rig=str(document["rig"]),
@@ -240,7 +279,8 @@ def _of_campaign(document: Document) -> Head:
         words=tuple(word for word in words if word),
         reasons=(*document["reasons"], *dated),
         changes=tuple(campaign_tables.changed(document)),
-        measures=(*(Measure(label, text, agrees) for label, text, agrees in given if text), *probability),
+        measures=tuple(Measure(label, text, agrees) for label, text, agrees in given if text),
+        conformity=word,
         groups=(
             (
                 "The campaign",

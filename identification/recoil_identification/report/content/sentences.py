@@ -9,6 +9,7 @@ from typing import Any
 from recoil_acquisition.measured import joined, measured, worded
 from recoil_identification.calibration.methods import AS_RECORDED
 from recoil_identification.estimate.budget import MOST_DEGREES_OF_FREEDOM
+from recoil_identification.estimate.monte_carlo import IntervalBy
 from recoil_identification.estimate.rounding import fixed, plain, signed, significant
 from recoil_processing.shot.error_source import SourceGroup
 from recoil_rigs.shots.assumptions import assumption_lines
@@ -98,6 +99,16 @@ def assumed(report: Report) -> str | None:
     return joined("; ", assumption_lines(report.get("assumptions") or ())) or None
 
 
+_INTERVALS = {
+    IntervalBy.GUM: "The interval is the mass and k standard uncertainties (GUM)",
+    IntervalBy.LOGARITHM: "The interval is that of the logarithm of the mass, the unknown of the fit, and k standard "
+    "uncertainties of it (GUM)",
+    IntervalBy.MONTE_CARLO: "The interval is that of the draws below",
+}
+_VALIDATED = ", so that the GUM is validated (8.1)"
+_INSTEAD = ": the draws' interval is reported in its place (8.2)"
+
+
 def effective(freedom: float | None) -> str:
     """Word degrees of freedom that are put together: null in a document are infinitely many."""
     return "infinitely many" if freedom is None or freedom > MOST_DEGREES_OF_FREEDOM else fixed(freedom, 0)
@@ -110,19 +121,20 @@ def coverage(report: Report) -> list[str]:
         return []
     known = effective(stated.get("degrees_of_freedom"))
     factor, expanded = fixed(stated["coverage_factor"], 3), significant(stated["U_kg"], 2)
-    interval = f"The interval is the mass and k = {factor} standard uncertainties, U95 = {expanded} kg, for {known}"
+    by, drawn = stated.get("interval_by", IntervalBy.GUM), stated.get("monte_carlo")
+    interval = f"{_INTERVALS[by]}, U95 = {expanded} kg = {factor} u, half its width, for {known}"
     places = mass_decimals(report["mass"].get("u"))
     sentences = [f"{interval} effective degrees of freedom (Welch-Satterthwaite)."]
-    drawn = stated.get("monte_carlo")
     if drawn:
         low, high = (fixed(limit, places) for limit in drawn["interval_kg"])
         below, above = (signed(fixed(d, places)) for d in drawn["difference_kg"])
         sentences.append(
             f"Monte Carlo method (JCGM 101), {drawn['draws']} draws, seed {drawn['seed']}: mean "
             f"{fixed(drawn['mean_kg'], places)} kg, u {significant(drawn['u_kg'], 3)} kg, 95 % interval {low} kg to "
-            f"{high} kg; the ends of the interval above differ from it by {below} kg and {above} kg, "
+            f"{high} kg; the ends of the GUM's interval differ from it by {below} kg and {above} kg, "
             f"{'within' if drawn['agrees'] else 'beyond'} the numerical tolerance of {plain(drawn['tolerance_kg'])} kg"
-            f"{' and the scatter of the draws' if drawn['converged'] else ', which the draws have not reached'}."
+            f"{' and the scatter of the draws' if drawn['converged'] else ', which the draws have not reached'}"
+            f"{_VALIDATED if drawn['agrees'] else _INSTEAD if by == IntervalBy.MONTE_CARLO else ''}."
         )
     if stated.get("frisch_bracket_kg"):
         low, high = (fixed(limit, places) for limit in stated["frisch_bracket_kg"])

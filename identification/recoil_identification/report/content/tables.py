@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from recoil_identification.estimate.conformity import UNSTATED
 from recoil_identification.estimate.rounding import (
     MINUS,
     NO_NUMBER,
@@ -25,6 +26,7 @@ from recoil_identification.report.content.chosen_units import ChosenUnits
 from recoil_identification.report.content.glossary import notation
 from recoil_identification.report.content.sentences import by_groups, specified
 from recoil_identification.shot.peaks import LABELS
+from recoil_rigs.tables.issue import GUARD_BAND, SIMPLE
 
 Report = Mapping[str, Any]
 Row = dict[str, Any]
@@ -40,8 +42,10 @@ PEAKS = (
     ("impulse_n_s", LABELS["impulse_n_s"], 1e-3, 2, "kN s"),
 )
 """Key, label, factor, decimals and unit."""
-CONFORMS = {True: "conforms", False: "does not conform", None: "neither is shown"}
-"""Whether a quantity conforms with its tolerance -> words."""
+NAMED = {SIMPLE: "simple acceptance", GUARD_BAND: "guard band w = U"}
+"""Decision rules that have a name -> the name."""
+NO_UNCERTAINTY = "no uncertainty is known"
+"""Why no conformity is stated of a mass that has no uncertainty."""
 NO_TOLERANCE = (
     "No conformity is stated: [report] of the rig file, or a header file, states a tolerance of the mass of the "
     "recoiling part alone, or none."
@@ -416,10 +420,11 @@ def quantities(document: Report) -> list[Row]:
 
 
 def _conforms(found: Mapping[str, Any] | None) -> str:
-    """Word the probability of conformity of one of several quantities; empty where no tolerance is stated of it."""
-    if not found or found["probability"] is None:
+    """Word the conformity of one of several quantities; empty where no tolerance is stated of it."""
+    if not found:
         return ""
-    return f"{fixed(100 * found['probability'], 1)} %, {CONFORMS[found['conforms']]}"
+    said = "" if found["probability"] is None else f"{percent_of(found['probability'])} %, "
+    return f"{said}{found['word'].upper()}"
 
 
 def tolerances(document: Report) -> list[str]:
@@ -427,12 +432,11 @@ def tolerances(document: Report) -> list[str]:
     stated = [one for one in document["quantities"] if one.get("conformity")]
     if not stated:
         return [NO_TOLERANCE]
-    low, high = (signed(plain(limit)) for limit in stated[0]["conformity"]["tolerance_kg"])
-    enough = fixed(100 * stated[0]["conformity"]["enough"], 0)
-    names, other = ", ".join(one["name"] for one in stated), fixed(100 - float(enough), 0)
+    found = stated[0]["conformity"]
+    names = ", ".join(one["name"] for one in stated)
     sentence = (
-        f"Conformity of {names} with {low} kg to {high} kg about the specification (JCGM 106): {enough} % or more show "
-        f"that it conforms, {other} % or less that it does not. Of other quantities no tolerance is stated."
+        f"Conformity of {names} with {within(found['tolerance_kg'], sign=True)} about the specification, by the rule: "
+        f"{rule_in_words(found)}. Of other quantities no tolerance is stated."
     )
     return [sentence]
 
@@ -519,24 +523,53 @@ def correlations(document: Report) -> list[Row]:
     ]
 
 
-def conformity(document: Report) -> Row | None:
-    """Word the conformity with the tolerance: texts, ``conforms`` is bool or None; None where none is stated."""
-    found = document.get("conformity")
-    if not found or found["probability"] is None:
-        return None
-    low, high = (signed(plain(limit)) for limit in found["tolerance_kg"])
-    limits = " kg to ".join(plain(limit) for limit in found["limits_kg"])
-    percent = fixed(100 * found["probability"], 1)
-    enough, u = fixed(100 * found["enough"], 0), significant(found["u_kg"], 2)
-    rule = (
-        f"{enough} % or more show that it conforms, {fixed(100 - 100 * found['enough'], 0)} % or less that it does not"
+def conformity(document: Report) -> Row:
+    """Word the conformity with the tolerance: its one word, that with its rule, and what both rest on."""
+    found = document.get("conformity") or UNSTATED
+    word = found["word"].upper()
+    if found["probability"] is None:
+        why = found.get("why") or NO_UNCERTAINTY
+        said = f"Conformity {word}: {why}." if found["rule"] is not None else ""
+        return {"word": word, "said": said, "words": f"{word}: {why}"}
+    percent = percent_of(found["probability"])
+    said = f"{word} {within(found['limits_kg'])} by {NAMED.get(found['rule'], 'probability')}: {percent} % probable."
+    words = (
+        f"probability of {percent} % that the true mass lies {within(found['limits_kg'])} (JCGM 106, u "
+        f"{significant(found['u_kg'], 2)} kg); decision rule: {rule_in_words(found)}"
     )
-    return {
-        "tolerance": f"{low} kg to {high} kg",
-        "probability": f"{percent} %",
-        "conforms": found["conforms"],
-        "words": f"probability of {percent} % that the true mass lies within {limits} kg (JCGM 106, u {u} kg); {rule}",
-    }
+    return {"word": word, "said": f"Conformity {said}", "words": words}
+
+
+def within(limits: Sequence[float | None], *, sign: bool = False) -> str:
+    """Word limits in kg, one of which may be none."""
+    low, high = (None if one is None else signed(plain(one)) if sign else plain(one) for one in limits)
+    if low is None or high is None:
+        return f"above {low} kg" if high is None else f"below {high} kg"
+    return f"within {low} kg to {high} kg"
+
+
+def rule_in_words(found: Mapping[str, Any]) -> str:
+    """Word the decision rule of a conformity, with its source."""
+    rule = found["rule"]
+    if rule == SIMPLE:
+        return "simple acceptance (ILAC-G8): the measured value alone lies within the limits, or does not"
+    if rule == GUARD_BAND:
+        width = significant(found["guard_band_kg"], 2) if found.get("guard_band_kg") else ""
+        band = f"w = U = {width} kg" if width else "w = U"
+        return (
+            f"guard band (ILAC-G8, {band}): it conforms where the value keeps w from each limit, does not where it "
+            "lies further than w beyond one, and neither is shown between"
+        )
+    enough, other = (plain(round(100.0 * share, 9)) for share in (rule, 1.0 - rule))
+    return f"a probability of {enough} % or more shows that it conforms, {other} % or less that it does not"
+
+
+def percent_of(share: float) -> str:
+    """Write a probability in percent: none is ever 0 or 100."""
+    percent = 100.0 * share
+    if 0.05 <= percent < 99.95:
+        return fixed(percent, 1)
+    return "less than 0.1" if percent < 50.0 else "more than 99.9"
 
 
 def _limits(interval: Sequence[float | None] | None) -> tuple[float, float] | None:

@@ -21,7 +21,7 @@ from recoil_identification.campaign.peaks import PeakOfShots
 from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.campaign.suspects import SharedSuspicion
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
-from recoil_identification.estimate.conformity import conformity_of
+from recoil_identification.estimate.conformity import stated_conformity
 from recoil_identification.estimate.mass import MEASURAND_OF_SHOTS
 from recoil_identification.report.document.document import outputs_of
 from recoil_identification.report.document.report_files import (
@@ -36,7 +36,6 @@ from recoil_identification.report.document.report_files import (
 from recoil_identification.report.document.spreadsheet import csv_text
 from recoil_identification.rows.unread_resistance import FORCE
 from recoil_identification.shot.peaks import LABELS, UNITS
-from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.tables.issue import NOTHING_STATED, Issue
 
 SCHEMA = "recoil-daq/campaign/1"
@@ -172,11 +171,10 @@ def with_history(document: Mapping[str, Any], history: Mapping[str, Any]) -> dic
     return sealed(to_json({**document, "history": history, "notes": notes, "findings": findings}))
 
 
-def _conformity(campaign: Campaign, issued: Issue) -> dict[str, Any] | None:
-    """State the conformity of the mass with its tolerance; None where one of them is missing."""
+def _conformity(campaign: Campaign, issued: Issue) -> dict[str, Any]:
+    """State the conformity of the mass with its tolerance."""
     mass = campaign.mass
-    conformity = conformity_of(issued.tolerance_kg, campaign.specification, mass.mass_kg, mass.u_kg)
-    return None if conformity is None else conformity.to_json()
+    return stated_conformity(issued, campaign.specification, mass.mass_kg, mass.u_kg, valid=campaign.valid)
 
 
 def _channels(campaign: Campaign) -> list[dict[str, Any]]:
@@ -197,8 +195,8 @@ def _constants(campaign: Campaign) -> list[dict[str, Any]]:
 def _dated(campaign: Campaign) -> Iterator[Caution]:
     """Name the channels whose calibrations do not cover the day of a shot of the campaign, once each."""
     for one in _channels(campaign):
-        starts = [used.shot.started for used in campaign.shots if used.shot.name in one["shots"] and not used.excluded]
-        for day in (CalibrationDay.of_start(start, DayOf.INGEST) for start in starts if start):
+        fired = [used.shot for used in campaign.shots if used.shot.name in one["shots"] and not used.excluded]
+        for day in filter(None, (shot.calibration_day for shot in fired)):
             if said := "; ".join(filter(None, day.faults(_date(one["calibrated"]), _date(one["due"])))):
                 yield Caution(Check.CALIBRATION, one["channel"], f"{one['channel']}: {said}")
                 break
@@ -391,6 +389,7 @@ def _shot(used: Used, page: str | None) -> dict[str, Any]:
         "peaks_u": dict(shot.peaks_u),
         "shot_log": dict(shot.log),
         "report": page,
+        "calibration_day": None if shot.calibration_day is None else shot.calibration_day.to_json(),
     }
 
 

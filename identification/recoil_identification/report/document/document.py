@@ -21,7 +21,7 @@ from recoil_identification.calibration.mass_over_time import MassOverTime
 from recoil_identification.calibration.skew import RecorderSkew
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.budget import COVERAGE
-from recoil_identification.estimate.conformity import conformity_of
+from recoil_identification.estimate.conformity import stated_conformity
 from recoil_identification.estimate.mass import MEASURAND
 from recoil_identification.estimate.monte_carlo import SEED as SEED_OF_MONTE_CARLO
 from recoil_identification.estimate.rpe import RPE_MEANING
@@ -54,6 +54,7 @@ from recoil_identification.shot.stress_waves import StressWaves
 from recoil_processing.shot.error_source import ErrorSource
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.rig_correction import Correction
+from recoil_rigs.tables.calibration_day import CalibrationDay
 from recoil_rigs.tables.issue import NOTHING_STATED, Issue
 from recoil_rigs.tables.rig_tables import GAUGE_ROLES
 
@@ -125,14 +126,15 @@ def report_document(
         "shot": shot.name,
         "rig": shot.rig_name,
         **started(shot),
+        "calibration_day": CalibrationDay.of_shot(shot).to_json(),
         "shot_log": None if row is None else row.to_json(),
         "corrections": [one.to_json() for one in corrections],
         "measurand": MEASURAND,
         "mass": {
             "value": estimate.mass_kg,
             "u": estimate.u_kg,
-            "U95": list(estimate.interval_kg),
-            "U_kg": estimate.coverage_factor * estimate.u_kg,
+            "U95": list(found.interval_kg),
+            "U_kg": found.expanded_kg,
             "u_all_read": found.u_all_read_kg,
             "unit": "kg",
             "specification": found.specification.mass_kg,
@@ -265,13 +267,12 @@ def provenance_inputs(shot: Shot, shot_file: InputFile, beside: Sequence[InputFi
     ]
 
 
-def _conformity(found: Identification, issued: Issue) -> dict[str, Any] | None:
-    """State the conformity of the mass with its tolerance; None where none is stated."""
+def _conformity(found: Identification, issued: Issue) -> dict[str, Any]:
+    """State the conformity of the mass with its tolerance."""
     estimate = found.chosen.estimate
-    conformity = conformity_of(
-        issued.tolerance_kg, found.specification, estimate.mass_kg, estimate.u_kg, estimate.degrees_of_freedom
+    return stated_conformity(
+        issued, found.specification, estimate.mass_kg, estimate.u_kg, estimate.degrees_of_freedom, valid=found.valid
     )
-    return None if conformity is None else conformity.to_json()
 
 
 def _estimates(found: Identification) -> Mapping[ErrorSource, float]:
@@ -394,13 +395,14 @@ def _uncertainty(found: Identification) -> dict[str, Any]:
     said: dict[str, Any] = {
         "degrees_of_freedom": estimate.degrees_of_freedom,
         "coverage": COVERAGE,
-        "coverage_factor": estimate.coverage_factor,
-        "U_kg": estimate.coverage_factor * estimate.u_kg,
+        "coverage_factor": found.expanded_kg / estimate.u_kg if estimate.u_kg else estimate.coverage_factor,
+        "U_kg": found.expanded_kg,
+        "interval_by": found.interval_by,
         "frisch_bracket_kg": None if bracket is None else list(bracket),
         "monte_carlo": None,
     }
-    drawn = found.monte_carlo
-    if estimate.method == "calibrated" and drawn is not None:
+    drawn = found.distribution
+    if drawn is not None:
         low, high = drawn.differences(estimate.interval_kg)
         said["monte_carlo"] = {
             **stated(drawn, "draws", "seed"),
@@ -411,7 +413,7 @@ def _uncertainty(found: Identification) -> dict[str, Any]:
             "tolerance_kg": drawn.tolerance,
             "converged": drawn.converged,
             "difference_kg": [low, high],
-            "agrees": max(abs(low), abs(high)) <= drawn.tolerance + drawn.scatter,
+            "agrees": drawn.validates(estimate.interval_kg),
         }
     return said
 

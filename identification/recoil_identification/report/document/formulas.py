@@ -155,7 +155,13 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("conformity.limits_kg", Formula("m_spec + tolerance_kg", "definition",
                                      ("mass.specification", "conformity.tolerance_kg"))),
     ("conformity.deviation_kg", Formula("m - m_spec", "definition", ("mass.value", "mass.specification"))),
-    ("conformity.enough", Formula("0.95", "the probability from which on a mass is said to conform")),
+    ("conformity.rule", Formula("decision_rule, 0.95 if left out", "[report] of the rig file, or the header file")),
+    ("conformity.word", Formula(
+        "simple: conforms if T_L <= d <= T_U; guard band: conforms if d keeps U from both limits, does not if it lies "
+        "further than U beyond one; a probability: conforms from it on, does not from 1 less it down",
+        "ILAC-G8:09/2019, 4.2; JCGM 106:2012, 8",
+        ("conformity.rule", "conformity.probability", "conformity.tolerance_kg", "conformity.deviation_kg"))),
+    ("conformity.guard_band_kg", Formula("U = k u", "ILAC-G8:09/2019, 4.2.2: w = U", ("conformity.u_kg",))),
     ("conformity.probability", Formula(
         "F((T_U - d) / u) - F((T_L - d) / u), F the distribution of the mass", "JCGM 106:2012, section 7",
         ("conformity.tolerance_kg", "conformity.deviation_kg", "conformity.u_kg"))),
@@ -192,6 +198,10 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("budget.random errors of the shots.degrees_of_freedom", Formula(
         "2 (v / u(v))^2, v the variance of what is random, u(v) its spread over scatters; infinite where they agree",
         "JCGM 100:2008 (GUM), G.3", ("repeatability",))),
+    ("budget.random errors of this shot.degrees_of_freedom", _U_OF_ROWS),
+    ("budget.*.degrees_of_freedom", Formula(
+        "1 / (2 r^2), r = 0.25 the share to which the u is known of what the rig does not state; nu of a certificate",
+        "JCGM 100:2008 (GUM), G.4.2")),
     ("peaks.*_pressure_pa", Formula(
         f"{_PEAK} of a polynomial of degree 4 through the samples above 95 % of it, {_TAKEN_OFF}",
         "the channel of the shot file", ("interval_s", "sensors"), GAUGE_ROLES)),
@@ -222,7 +232,8 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("uncertainty.degrees_of_freedom", Formula("u^4 / sum(u_i^4 / nu_i)", "JCGM 100:2008 (GUM), (G.2b)", ("budget",))),
     ("uncertainty.coverage_factor", Formula("97.5 % quantile of Student's t", "JCGM 100:2008 (GUM), G.3.2",
                                             ("uncertainty.degrees_of_freedom",))),
-    ("uncertainty.U_kg", Formula("U = k u", "JCGM 100:2008 (GUM), 6.2.1", ("uncertainty.coverage_factor", "mass.u"))),
+    ("uncertainty.U_kg", Formula("half the width of the interval: U = k u", "JCGM 100:2008 (GUM), 6.2.1, or JCGM "
+                                 "101:2008, 8.2, as uncertainty.interval_by says", ("mass.U95",))),
     ("uncertainty.frisch_bracket_kg", Formula("sum a F / sum a^2 to sum F^2 / sum a F", "R. Frisch, 1934")),
     ("uncertainty.monte_carlo.*", Formula(
         "propagation of distributions, in blocks of draws until the results stand to the tolerance",

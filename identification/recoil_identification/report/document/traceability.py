@@ -22,7 +22,17 @@ CHAIN = (
     "filter_hz", "filter_type", "filter_order", "delay_s", "u_delay_s", "resonance_hz", "resonance_damping",
 )  # fmt: skip
 """Keys of a sensor that say through what its signal goes."""
-KNOWN_BY = ("calibration", "u_zero_rel", "u_linearity_rel", "u_distortion_m", "reference", "u_reference_rel")
+KNOWN_BY = (
+    "U_rel",
+    "k",
+    "nu",
+    "calibration",
+    "u_zero_rel",
+    "u_linearity_rel",
+    "u_distortion_m",
+    "reference",
+    "u_reference_rel",
+)
 """Further keys of a sensor that say how well it is known, as far as it has them."""
 LEAST_CORRELATION = 0.3
 """Magnitude from which on a correlation is stated."""

@@ -22,6 +22,7 @@ from recoil_identification.report.content.glossary import Glossary, notation
 from recoil_identification.report.content.head import head_of
 from recoil_identification.report.content.result_table import ResultHead
 from recoil_identification.report.content.section import parts_of
+from recoil_identification.report.document.certificate_document import CERTIFICATE_FILE
 from recoil_identification.report.document.report_files import OWN_DIGEST, SCHEMA, SEAL, to_json
 from recoil_identification.report.figure.drawing import drawings
 from recoil_identification.report.figure.figure import Figure
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 PAGE_NAME = "report.html"
 CAMPAIGN_PAGE = "campaign.html"
+CERTIFICATE_PAGE = "certificate.html"
 BESIDE_PAGE = "beside.html"
 INDEX_PAGE = "index.html"
 DAY_PAGE = "day.html"
@@ -146,6 +148,20 @@ def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure],
     return _render(
         "document.html", document, figures, embedded={"shot": f"campaign-{document['rig']}"}, standalone=standalone,
         script=SCRIPT_NAME, head=head_of(document), series_file="campaign.csv", series_name="the shots",
+    )  # fmt: skip
+
+
+def render_certificate_page(document: Mapping[str, Any]) -> str:
+    """Render the page of a certificate: one file that needs no script and no other file.
+
+    Parameters
+    ----------
+    document
+        Document of `recoil_identification.report.document.certificate_document.certificate_document`.
+    """
+    return _render(
+        "document.html", document, (), embedded={"shot": "certificate"}, standalone=False, head=head_of(document),
+        series_file=CERTIFICATE_FILE, series_name="all of it for machines",
     )  # fmt: skip
 
 

@@ -18,6 +18,8 @@ from recoil_identification.report.content.glossary import Glossary, notation
 from recoil_identification.report.content.head import PEAKS, Head, head_of
 from recoil_identification.report.content.section import SCREEN_ONLY, Column, parts_of
 from recoil_identification.report.content.section import Part as Filled
+from recoil_identification.report.document.certificate_document import CERTIFICATE_FILE
+from recoil_identification.report.document.certificate_document import SCHEMA as CERTIFICATE
 from recoil_identification.report.document.report_files import OWN_DIGEST, SEAL, json_bytes
 from recoil_identification.report.figure.figure import Figure
 from recoil_identification.report.figure.svg import figure_svg, key_of
@@ -26,6 +28,7 @@ from recoil_identification.report.sections import sections_of
 
 PDF_FILE = "report.pdf"
 CAMPAIGN_PDF = "campaign.pdf"
+CERTIFICATE_PDF = "certificate.pdf"
 FIGURES_FOLDER = "figures"
 SAID_ABOVE = ("rig", "date and time")
 """Facts that the heading of the first sheet has."""
@@ -132,6 +135,11 @@ def campaign_pdf(document: Document, figures: Sequence[Figure]) -> bytes:
     return _typeset("campaign.json", document, figures)
 
 
+def certificate_pdf(document: Document) -> bytes:
+    """Typeset a certificate, with its ``certificate.json`` embedded, as `report_pdf`; its date is that of issue."""
+    return _typeset(CERTIFICATE_FILE, document, ())
+
+
 def _typeset(name: str, document: Document, figures: Sequence[Figure]) -> bytes:
     content, head = json_bytes(document), head_of(document)
     title = f"{head.of} on rig {head.rig}" + (f": {head.result}" if "target" in document else "")
@@ -147,7 +155,15 @@ def _typeset(name: str, document: Document, figures: Sequence[Figure]) -> bytes:
         "head": written,
         "parts": [*parts, _provenance(name, document, content), _terms([written, *parts])],
     }
-    return pdf_bytes(page, [figure_svg(figure) for figure in figures], (name, content), document.get("started"))
+    return pdf_bytes(page, [figure_svg(figure) for figure in figures], (name, content), _day_of(document))
+
+
+def _day_of(document: Document) -> str | None:
+    """Return the date that the paper copy bears: of issue where a certificate states it, else of the shot."""
+    of_issue, day = None, document.get("started")
+    if document.get("schema") == CERTIFICATE:
+        of_issue, day = document["issued"].get("date"), document["first_fired"]
+    return str(of_issue or day) if of_issue or day else None
 
 
 def _head(head: Head) -> Part:
@@ -156,6 +172,7 @@ def _head(head: Head) -> Part:
         {
             "tone": head.tone,
             "stamp": head.stamp,
+            "conformity": head.conformity,
             "result": head.whole,
             "words": " ".join(head.words),
             "reasons": [*head.reasons, *head.changes],

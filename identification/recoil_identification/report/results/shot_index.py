@@ -9,6 +9,7 @@ from typing import Any
 
 from recoil_acquisition.shot.usability import Usability
 from recoil_identification.campaign.campaign_shot import numbered
+from recoil_identification.estimate.conformity import Word
 from recoil_identification.estimate.rounding import rounded
 from recoil_identification.report.content.result_table import (
     ADDED,
@@ -66,6 +67,7 @@ def row_of_report(report: Document) -> Row:
         "warnings": warnings,
         "valid": bool(report["valid"]),
         "reason": next(iter(reasons), None),
+        "conformity": _text((report.get("conformity") or {}).get("word")),
         **{key: _number(value) for key, value in flat(mass).items()},
         "specification_kg": _number(mass["specification"]),
         "E_n": _number(report.get("E_n")),
@@ -168,6 +170,16 @@ def deviates(row: Mapping[str, Any]) -> bool:
     return bool(row["valid"]) and row["E_n"] is not None and abs(row["E_n"]) > 1.0
 
 
+def conformity(row: Mapping[str, Any]) -> str:
+    """Return the one word of the conformity with the tolerance, in capitals; empty where there is nothing to state."""
+    return (row["conformity"] or Word.NOT_STATED).upper().removeprefix(Word.NOT_STATED.upper())
+
+
+def verdict(row: Mapping[str, Any]) -> str:
+    """Word whether a mass is valid, agrees with its specification, and conforms with its tolerance."""
+    return ", ".join(filter(None, (VERDICTS[row["valid"]], "deviates" if deviates(row) else "", conformity(row))))
+
+
 def recording(row: Mapping[str, Any]) -> str:
     """Say what the recording of a row is good for, and how many warnings there are."""
     count = row["warnings"] or 0
@@ -225,7 +237,7 @@ INDEX = ResultTable(
         ResultColumn("expanded", "U", "number", "kg", text=lambda row: rounded(None, half_width(row))[1]),
         E_N,
         RPE,
-        replace(VERDICT, text=lambda row: f"{VERDICTS[row['valid']]}{', deviates' if deviates(row) else ''}"),
+        replace(VERDICT, text=verdict),
         CONFIGURATION,
         ADDED,
         BARE,
@@ -234,8 +246,8 @@ INDEX = ResultTable(
         replace(REASON, text=first_reason),
     ),
     (
-        "shot", "rig", "started", *LOGGED, "state", "warnings", "valid", "reason", *MASS_KEYS, "specification_kg",
-        "E_n", "rpe_percent", *PEAK_KEYS, *(f"u_{name}" for name in PEAK_KEYS), "report", "file",
+        "shot", "rig", "started", *LOGGED, "state", "warnings", "valid", "conformity", "reason", *MASS_KEYS,
+        "specification_kg", "E_n", "rpe_percent", *PEAK_KEYS, *(f"u_{name}" for name in PEAK_KEYS), "report", "file",
     ),
     lambda row: {
         "page": row["report"],

@@ -45,7 +45,7 @@ JUMP = 0.3
 def found_row(found: Identification) -> Row:
     """Return what an identification found, with the keys of `SWEEP` but for value and difference."""
     estimate, low_pass = found.chosen.estimate, found.route.filtered.low_pass
-    low, high = estimate.interval_kg
+    low, high = found.interval_kg
     return {
         "mass_kg": estimate.mass_kg,
         "u_kg": estimate.u_kg,

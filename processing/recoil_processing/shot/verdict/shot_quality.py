@@ -110,9 +110,14 @@ def check_shot(
     checks = _with_gaps_named(checks, fired, alignments)
     checks += shifts
     checks += check_sensors(fired, alignments)
-    faults = fired.rig.not_calibrated(day)
-    checks += [QualityCheck(str(fault.subject), Check.CALIBRATION, "warn", fault.problem) for fault in faults]
+    checks += calibration_checks(fired.rig, day)
     return tuple(weighed(checks, lean, recoil))
+
+
+def calibration_checks(rig: Rig, day: CalibrationDay) -> list[QualityCheck]:
+    """Name the calibrations that do not cover the day of a shot."""
+    faults = rig.not_calibrated(day)
+    return [QualityCheck(str(fault.subject), Check.CALIBRATION, "warn", fault.problem) for fault in faults]
 
 
 def _absent(source: Source, wanted: Sequence[str], shot: Shot, without: Mapping[str, str]) -> str:

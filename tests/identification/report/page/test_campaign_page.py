@@ -1,5 +1,6 @@
 """The page of a campaign: what it says, that nothing in it breaks out or reaches outside, and how large it gets."""
 
+import datetime as dt
 import json
 import re
 from dataclasses import replace
@@ -19,6 +20,7 @@ from recoil_identification.report.page.html import CAMPAIGN_PAGE, render_campaig
 from recoil_identification.report.page.page_files import write_page
 from recoil_identification.shot.baseline import Baseline
 from recoil_identification.shot.firing_record import CURVES, Curves
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.page_elements import PageElements
 
@@ -33,6 +35,7 @@ def shots_of(added=ALTERNATING, **planted):
         replace(
             shot,
             started=f"2026-03-02T08:{k % 60:02d}:00.000",
+            calibration_day=CalibrationDay(dt.date(2026, 3, 2), DayOf.START),
             peaks={"breech_pressure_pa": 1.2e8 + k, "recoil_velocity_m_s": 8.125, "recoil_travel_m": 0.82},
             log={"charge": "full", "notes": "warm-up"} if k == 0 else {"charge": "full"},
             baseline=(Baseline("p", "breech_pressure", "4711", rng.standard_normal(), 50.0, "Pa", 0.0),),
@@ -56,6 +59,12 @@ def test_a_calibration_that_does_not_cover_the_day_of_a_shot_stands_in_the_head(
     for other in ({**dates, "due": "2026-03-02"}, {**dates, "due": "1"}, {**dates, "due": None}):
         document, _ = page_of([replace(shot, channels=(other,)) for shot in shots])
         assert not any(one["about"] == "p" and one["severity"] == "warn" for one in document["findings"])
+    # a shot without a start is judged by the day of its ingest, and that is said
+    ingested = CalibrationDay(dt.date(2026, 11, 28), DayOf.INGEST)
+    document, page = page_of([replace(one, started=None, calibration_day=ingested) for one in shots])
+    (told,) = (one["text"] for one in document["findings"] if one["code"] == "calibration" and one["about"] == "p")
+    assert told == f"p: calibration was due 2026-03-01, 272 days before {ingested}"
+    assert f"A calibration does not cover the day of the ingest: {told}" in PageElements(page).text
 
 
 def curves_of(k):

@@ -770,6 +770,13 @@ def test_calibrations_that_do_not_cover_the_day_stand_in_the_head_of_page_and_pa
     assert head_of(a_report(findings=[other, {**OVERDUE, "severity": "note"}])).reasons == ()
 
 
+def test_what_is_judged_by_the_day_of_the_ingest_is_not_said_of_the_shot():
+    said = sentences.in_words(
+        a_report(findings=[OVERDUE], E_n=None, calibration_day={"on": "2026-11-28", "of": "ingest"})
+    )
+    assert said == ("Valid, but a calibration does not cover the day of the ingest.")
+
+
 def test_checks_that_passed_are_folded_away_and_the_others_are_not():
     page = render_page(a_report(), [])
     open_ones, _, folded = page.partition('id="quality"')[2].partition("<details>")
