@@ -1,4 +1,4 @@
-"""The page for MATLAB's users: its variables are those of an export, and its columns those of a report."""
+"""The page for MATLAB's users: the variables that it names are those of an export."""
 
 from __future__ import annotations
 

@@ -121,6 +121,7 @@ def print_mass(document: Mapping[str, Any], folder: Path) -> None:
     more = [f"{number} {what}{'' if number == 1 else 's'}" for number, what in found if number > 0]
     if more:
         say(f"{', '.join(more)}: in the report, and here with --verbose")
+    print_conformity(d)
     print_verdict(d, folder / "report.html")
 
 
@@ -137,6 +138,7 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
         Notes on methods, and what is alike in all reports, that were printed for other shots: they are not printed
         again, and those printed now are added.
     """
+    from recoil_identification.estimate.rounding import percentage
     from recoil_identification.report.content.sentences import by_groups
     from recoil_identification.report.content.tables import expanded_kg, logged, peaks
 
@@ -155,7 +157,7 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
                 fixed(m["mass_kg"], mass_decimals(m["u_kg"])),
                 fixed(m["u_kg"], mass_decimals(m["u_kg"])),
                 fixed(m["deviation_percent"], 2, sign=True),
-                fixed(m["rpe_percent"], 2),
+                percentage(m["rpe_percent"], fixed(m["rpe_percent"], 2)),
                 fixed(m["identified_share"], 0, scale=100.0),
                 *([notes.get(m["name"], "")] if how else []),
             )
@@ -167,6 +169,7 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
         say("; ".join(f"{label}: {text}" for label, text in in_the_log))
     rpe, places = d["rpe_percent"], mass_decimals(d["mass"]["u"])
     low, high = (fixed(limit, places) for limit in d["mass"]["U95"])
+    error, *limits = (percentage(one, fixed(one, 2)) for one in (rpe["value"], *(rpe["U95"] or ())))
     say(
         f"mass {fixed(d['mass']['value'], places)} kg, U {fixed(expanded_kg(d['mass']), places)} kg (k = "
         f"{fixed(d['uncertainty']['coverage_factor'], 2)}), 95 % interval [{low}, {high}] kg, "
@@ -174,9 +177,10 @@ def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str
         + (
             ", no RPE: there is no mass over time by this method"
             if rpe["value"] is None
-            else f", RPE {fixed(rpe['value'], 2)} % [{fixed(rpe['U95'][0], 2)}, {fixed(rpe['U95'][1], 2)}]"
+            else f", RPE {error} % [{', '.join(limits)}]"
         )
     )
+    print_conformity(d)
     if "measurand" in d:
         say_once((f"it is {d['measurand']}",), told)
     if parts := by_groups(d):

@@ -116,12 +116,10 @@ def print_outcome(document: Mapping[str, Any], page: Path | None, told: set[str]
 
 
 def print_verdict(document: Mapping[str, Any], page: Path | None, more: Sequence[str] = ()) -> None:
-    """Print whether a result is valid and conforms, the first reason why not, more of them, and where its page is."""
-    from recoil_identification.report.content.tables import conformity
+    """Print whether a result is valid, the first reason why not, more of them, and where its page is."""
     from recoil_rigs.tables.calibration_day import calibrations_in_words
 
     console, reasons, dated = output_console(), document["reasons"], calibrations_in_words(document)
-    said = conformity(document)["said"]
     if not document["valid"]:
         console.print("[bold red]NOT VALID[/]:", end=" ")
         say(reasons[0])
@@ -133,10 +131,10 @@ def print_verdict(document: Mapping[str, Any], page: Path | None, more: Sequence
     elif dated:
         console.print("[bold yellow]VALID[/],", end=" ")
     else:
-        console.print("[bold green]VALID[/]", end=", " if said else " ")
+        console.print("[bold green]VALID[/]", end=" ")
     if dated:
         say(f"{'but' if document['valid'] else 'and:'} {dated}")
-    say(said if page is None else f"{said} -> {page}".lstrip())
+    say("" if page is None else f"-> {page}")
 
 
 def print_assumptions(

@@ -57,6 +57,19 @@ def fixed(value: float | None, decimals: int) -> str:
     return text.replace("-", MINUS)
 
 
+MEANINGFUL_PERCENT = 1000.0
+"""RPE beyond which it says nothing but that the trace tells no mass."""
+
+
+def percentage(value: float | None, text: str) -> str:
+    """Return a text of a relative percentage error, or that it is beyond what has a meaning.
+
+    >>> percentage(6.3e25, "63000000000000000000000000"), percentage(0.5, "0.50")
+    ('> 1000', '0.50')
+    """
+    return text if value is None or not value > MEANINGFUL_PERCENT else f"> {MEANINGFUL_PERCENT:.0f}"
+
+
 def significant(value: float | None, digits: int) -> str:
     """Write a number to so many significant digits, plainly where its size allows."""
     if value is None or not math.isfinite(value):

@@ -239,6 +239,27 @@ def test_a_mass_that_deviates_is_called_so_on_the_page_as_by_identify(run: Run, 
     assert "2 valid, 1 not valid, 0 without a report" in " ".join(done.stdout.split())
 
 
+def test_the_page_has_colours_a_sum_the_scatter_of_bare_masses_and_ways_to_the_pages_beside(day: Path) -> None:
+    (day / "shots" / "live.html").write_text("x", encoding="utf-8")
+    (day / "campaign").mkdir()
+    (day / "campaign" / "campaign.html").write_text("x", encoding="utf-8")
+    mass = json.loads((day / "reports" / "0001" / "report.json").read_text())["mass"]
+    for name, added, valid in (("0002", 121.0, False), ("0003", 122.0, True)):
+        log = {"shot": name, "added_mass_kg": 120.0}
+        like(day, name, mass={**mass, "value": mass["value"] + added}, shot_log=log, valid=valid)
+    page = index_shots([day / "shots", day / "reports"], out=day / "index").page.read_text(encoding="utf-8")
+    assert '<span class="chip ok">valid</span>' in page
+    assert '<span class="chip fail">not valid</span>' in page
+    assert '<a href="./../campaign/campaign.html">Campaign</a>' in page
+    assert '<a href="./../shots/live.html">Live page</a>' in page
+    assert "3 shots" in page
+    page = index_shots([day / "reports"], out=day / "reported").page.read_text(encoding="utf-8")
+    assert "Less added" in page
+    assert (
+        f"The 2 valid masses less what was added: mean {mass['value'] + 1.0:.1f} kg, standard deviation 1.4 kg." in page
+    )
+
+
 def test_every_link_within_the_page_leads_somewhere(day: Path) -> None:
     page = index_shots([day], out=day / "index").page.read_text("utf-8")
     assert set(re.findall(r'href="#([^"]+)"', page)) <= set(re.findall(r'id="([^"]+)"', page))

@@ -175,6 +175,17 @@ def test_the_mass_moves_where_it_is_off_by_more_than_its_u(mass_kg: float, moves
     assert "1 of 3" in document["detail"]
 
 
+def test_a_jump_between_two_values_is_said_though_the_mass_stays_within_its_u() -> None:
+    found = {None: row_of(100.0), 400.0: row_of(99.5), 450.0: row_of(99.6), 500.0: row_of(100.9)}
+    document = sweep_document(
+        "cutoff_hz", found, shot="0001", rig="mixed", specification_kg=100.0, version="1", inputs=(),
+        options=Options().to_json(),
+    )  # fmt: skip
+    assert document["moves"] is False
+    assert "it jumps by +1.3 kg, 0.65 of u, between 450 and 500 Hz" in document["detail"]
+    assert [row["tone"] for row in SWEEP.worded(document)] == ["ok"] * 4
+
+
 @pytest.mark.parametrize("ending", ["html", "csv", "json"])
 def test_a_sweep_beside_a_report_is_drawn_again_and_a_changed_byte_is_told(
     swept: Swept, tmp_path: Path, ending: str

@@ -18,6 +18,7 @@ from recoil_identification.report.content.result_table import (
     CONFIGURATION,
     MASS,
     PEAKS,
+    TONES,
     VERDICT,
     Document,
     ResultColumn,
@@ -343,10 +344,10 @@ SHOTS = ResultTable(
         ResultColumn("own", "Bare", "number", "kg", text=lambda row: rounded(row["own_kg"], row["own_u_kg"])[0]),
         ResultColumn("u_own", "Own u", "number", "kg", text=lambda row: rounded(row["own_kg"], row["own_u_kg"])[1]),
         ResultColumn("w", "w", "number", text=lambda row: fixed(row["normalised_residual"], 1)),
-        ResultColumn("valid", "Own verdict", text=VERDICT.worded),
+        ResultColumn("valid", "Own verdict", "chip", text=VERDICT.worded),
         ResultColumn("remarks", "Remarks", "long", text=_remarks),
     ),
-    marks=lambda row: {"page": row.get("report"), "aside": row["excluded"] is not None},
+    marks=lambda row: {"page": row.get("report"), "aside": row["excluded"] is not None, "tone": TONES[row["valid"]]},
 )
 """Shots of a campaign, one below the other in the order of firing."""
 

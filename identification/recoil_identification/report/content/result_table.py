@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recoil_identification.estimate.rounding import NO_NUMBER, fixed, rounded, signed, significant
+from recoil_identification.estimate.rounding import NO_NUMBER, fixed, percentage, rounded, signed, significant
 from recoil_identification.report.content.section import Column
 from recoil_identification.report.document.spreadsheet import csv_text
 from recoil_identification.report.figure.figure import HorizontalLine, Panel, Trace
@@ -86,7 +86,9 @@ MASS = ResultColumn("mass", "Mass", "number", "kg", text=lambda row: rounded(row
 U = ResultColumn("u", "u", "number", "kg", text=lambda row: rounded(row["mass_kg"], row["u_kg"])[1])
 INTERVAL = ResultColumn("interval", "95 % interval", "number", "kg", text=_interval, printed=None)
 E_N = ResultColumn("e_n", "E_n", "number", text=lambda row: signed(fixed(row["E_n"], 2)))
-RPE = ResultColumn("rpe", "RPE", "number", "%", text=lambda row: significant(row["rpe_percent"], 2))
+RPE = ResultColumn(
+    "rpe", "RPE", "number", "%", text=lambda row: percentage(row["rpe_percent"], significant(row["rpe_percent"], 2))
+)
 VERDICT = ResultColumn("verdict", "Verdict", "chip", text=lambda row: VERDICTS[row["valid"]])
 TONES = {True: "ok", False: "fail", None: "warn"}
 """Verdict on a mass -> colour of its word."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 from recoil_identification.estimate.rounding import in_kg, plain, signed, significant
@@ -13,6 +14,7 @@ from recoil_identification.report.content.result_table import (
     MASS_KEYS,
     REASON,
     RPE,
+    TONES,
     VERDICT,
     VERDICTS,
     Document,
@@ -34,6 +36,10 @@ OPTIONS = {
     "window_s": ("memory of the mass over time", "s"),
 }
 """Options of an identification that are numbers -> name and unit."""
+
+
+JUMP = 0.3
+"""Share of u by which the mass of one value may differ from that of the next before it is said."""
 
 
 def found_row(found: Identification) -> Row:
@@ -131,11 +137,20 @@ def _detail(document: Document) -> str:
         return f"With a {document['option']} of {span} the shot allows no mass; it is {of}."
     moved = f"{significant(abs(difference_kg), 2)} kg, {significant(abs(difference_kg) / own['u_kg'], 2)} of u"
     lost = sum(row["mass_kg"] is None for row in rows)
+    found = (row for row in rows if row["mass_kg"] is not None)
+    steps = [(b["mass_kg"] - a["mass_kg"], a, b) for a, b in pairwise(found)]
+    step_kg, before, behind = max(steps, key=lambda one: abs(one[0]), default=(0.0, own, own))
+    jump = ""
+    if abs(step_kg) > JUMP * own["u_kg"]:
+        jump = (
+            f"; it jumps by {signed(significant(step_kg, 2))} kg, {significant(abs(step_kg) / own['u_kg'], 2)} of u, "
+            f"between {plain(before['value'])} and {plain(behind['value'])} {unit}"
+        )
     without = f"; {lost} of {len(rows)} values allow none" if lost else ""
     verdict = "by more than u" if document["moves"] else "by no more than u"
     return (
         f"With a {document['option']} of {span} the mass moves {verdict}: by at most {moved} (at "
-        f"{plain(document['at'])} {unit}) from the {of}{without}."
+        f"{plain(document['at'])} {unit}) from the {of}{jump}{without}."
     )
 
 
@@ -185,7 +200,7 @@ SWEEP = ResultTable(
         REASON,
     ),
     ("value", *MASS_KEYS, "difference_kg", "E_n", "rpe_percent", "cutoff_hz", "mass_cutoff_hz", "valid", "reason"),
-    lambda row: {"strong": row["own"]},
+    lambda row: {"strong": row["own"], "tone": TONES[row["valid"]]},
 )  # fmt: skip
 """Values of an option, one below the other; the value is None in the row of the shot's own options."""
 

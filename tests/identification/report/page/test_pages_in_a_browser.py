@@ -319,6 +319,10 @@ return {
   hint: [...document.querySelectorAll(".missing")].filter((one) => getComputedStyle(one).display !== "none")
     .map((one) => one.textContent).join(" "),
   mass: document.querySelector(".plot")?.getBoundingClientRect().top,
+  height: root.scrollHeight,
+  stamp: document.querySelector(".stamp")?.getBoundingClientRect().bottom,
+  identity: document.querySelector(".identity")?.getBoundingClientRect().top,
+  verdict: document.querySelector(".verdict")?.getBoundingClientRect().top,
 };
 """.replace("LEAST", str(LEAST_CONTRAST))
 
@@ -355,7 +359,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     document = campaign_document(campaign, version="1", inputs=[], parameters={}, pages=None)
     figures = report_figures(identified("mixed"))
     pages = {
-        "shot": render_page(report, [*figures[:2], *(one for one in figures if one.key == "mass")]),
+        "shot": render_page(report, figures),
         "target": render_target_page(target, figures[:1]),
         "campaign": render_campaign_page(document, campaign_figures(campaign, None)),
         "season": a_season(),
@@ -498,6 +502,18 @@ def test_nothing_of_a_page_is_cut_off_on_a_sheet(on_a_sheet: dict[str, Any], nam
     assert found["cut"] == []
     assert found["beyond"] <= 0
     assert found["scrolled"] == 0
+
+
+TELEPHONE_SCREEN_PX, MOST_SCREENS = 844, 20
+
+
+@pytest.mark.whole_way
+def test_a_telephone_has_the_verdict_on_its_first_screen_before_who_signs_it(measured: dict[str, Any]) -> None:
+    narrow, wide = (measured[f"shot-{width}"]["found"] for width in (TELEPHONE_PX, SCREEN_PX))
+    assert narrow["stamp"] < TELEPHONE_SCREEN_PX / 4
+    assert narrow["verdict"] < narrow["identity"] < TELEPHONE_SCREEN_PX * 1.5
+    assert wide["identity"] < wide["verdict"]
+    assert narrow["height"] <= MOST_SCREENS * TELEPHONE_SCREEN_PX
 
 
 @pytest.mark.whole_way

@@ -421,6 +421,27 @@ def test_what_mass_it_is_and_of_what_the_specification_consists_stand_in_the_hea
     assert sentences.specified(a_report()) is None
 
 
+def test_sources_below_one_per_cent_are_folded_with_their_sum():
+    rows = [{"source": "one", "u_kg": 3.0}, *({"source": f"small {k}", "u_kg": 0.2} for k in range(4))]
+    report = a_report(budget=rows)
+    assert [row["folded"] for row in tables.budget(report)] == [False, True, True, True, True]
+    rest = tables.budget_rest(report)
+    assert (rest["source"], rest["u"], rest["share"]) == ("4 more, together", "0.40", "1.7")
+    assert tables.budget_rest(a_report(budget=rows[:1])) is None
+    page = render_page(report, [])
+    assert "4 sources below 1 % of the variance each" in page
+    assert page.index("4 more, together") < page.index("small 0")
+
+
+def test_an_error_of_the_published_method_without_a_meaning_is_no_row_of_digits():
+    assert (
+        tables.methods(a_report(methods=[{"name": "paper", "mass_kg": 700.0, "u_kg": 5.0, "rpe_percent": 6.3e25}]))[0][
+            "rpe"
+        ]
+        == "> 1000"
+    )
+
+
 def test_budget_stands_by_size_with_its_shares_of_the_variance():
     rows = tables.budget(a_report())
     assert [(r["source"], r["u"], r["share"], r["width"]) for r in rows] == [

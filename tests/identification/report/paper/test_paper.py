@@ -177,6 +177,13 @@ def test_the_terms_of_its_texts_and_the_methods_in_its_tables_are_explained_at_i
 
 
 @pytest.mark.whole_way
+def test_sources_that_the_page_folds_are_listed_and_not_counted(pages, report):
+    text = unbroken(" ".join(pages))
+    assert all(unbroken(row["source"]) in text for row in report["budget"])
+    assert "moretogether" not in text
+
+
+@pytest.mark.whole_way
 def test_figures_are_vectors(pdf):
     kinds = {one.get("/Subtype") for one in objects_in(read(pdf).trailer["/Root"])}
     assert "/Image" not in kinds

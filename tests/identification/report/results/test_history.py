@@ -143,6 +143,20 @@ def test_one_that_is_not_compared_is_shown_and_counts_nothing() -> None:
     assert HISTORY.worded({**one, "history": history})[0]["remark"] == "it is not valid"
 
 
+@pytest.mark.whole_way
+def test_a_campaign_that_is_not_valid_is_grey_in_its_own_history() -> None:
+    one = answer(campaign_of((0.0, 120.0) * 2, seed=3).shots)
+    rows, u = [row_of(one, "spring"), row_of(one, THIS)], one["mass"]["u"]
+    history = history_document(rows, [[u**2, 0.0], [0.0, u**2]])
+    for valid in (True, False):
+        document = {**one, "valid": valid, "history": history}
+        assert [row["aside"] for row in HISTORY.worded(document)] == [False, not valid]
+        figure = history_figure(document)
+        assert figure is not None
+        names = [trace.name for trace in figure.panels[0].traces]
+        assert ("not valid, or not compared" in names) is not valid
+
+
 def test_without_a_history_there_is_neither_table_nor_figure() -> None:
     document = {"mass": {"value": MASS_KG}}
     assert HISTORY.worded(document) == []
