@@ -56,6 +56,8 @@ class Conformity:
         Degrees of freedom of `u_kg`; infinite for the normal distribution.
     rule
         Decision rule.
+    U_per_u
+        Expanded uncertainty that is reported, in standard ones; None for the quantile of Student's t.
     """
 
     tolerance_kg: tuple[float, float]
@@ -64,6 +66,7 @@ class Conformity:
     u_kg: float
     degrees_of_freedom: float = math.inf
     rule: DecisionRule = USUAL_RULE
+    U_per_u: float | None = None
 
     @property
     def probability(self) -> float:
@@ -75,8 +78,10 @@ class Conformity:
 
     @property
     def guard_band_kg(self) -> float:
-        """Width U of the guard band on both sides of a limit, with the coverage factor of 95 %."""
-        return coverage_factor(max(self.degrees_of_freedom, 1.0)) * self.u_kg
+        """Width U of the guard band on both sides of a limit, of a coverage of 95 %."""
+        by_quantile = self.U_per_u is None or not math.isfinite(self.U_per_u)
+        factor = coverage_factor(max(self.degrees_of_freedom, 1.0)) if by_quantile else self.U_per_u
+        return float(factor or 0.0) * self.u_kg
 
     @property
     def word(self) -> Word:
@@ -125,16 +130,24 @@ def conformity_of(
     u_kg: float,
     degrees_of_freedom: float = math.inf,
     rule: DecisionRule = USUAL_RULE,
+    expanded_kg: float | None = None,
 ) -> Conformity | None:
     """Return the conformity of a mass; None where there is no tolerance or nothing that it is about.
 
     The uncertainty of the specification of m3 is not in it: the tolerance is about the mass that is specified.
+
+    Parameters
+    ----------
+    expanded_kg
+        Expanded uncertainty U of the mass as it is reported: a guard band is as wide, where nothing was added. None for
+        that by Student's t.
     """
     if tolerance_kg is None or specification is None or not math.isfinite(mass_kg):
         return None
     u_all_kg = math.hypot(u_kg, specification.u_added_kg, specification.u_carried_kg)
     off_kg = mass_kg - specification.mass_kg
-    return Conformity(tolerance_kg, specification.mass_kg, off_kg, u_all_kg, degrees_of_freedom, rule)
+    per_u = None if expanded_kg is None or not u_kg > 0 else expanded_kg / u_kg
+    return Conformity(tolerance_kg, specification.mass_kg, off_kg, u_all_kg, degrees_of_freedom, rule, per_u)
 
 
 def stated_conformity(
@@ -145,6 +158,7 @@ def stated_conformity(
     degrees_of_freedom: float = math.inf,
     *,
     valid: bool,
+    expanded_kg: float | None = None,
 ) -> dict[str, Any]:
     """State the conformity of a mass with what was agreed, as documents have it; of one that is not valid nothing.
 
@@ -154,9 +168,11 @@ def stated_conformity(
         Identity of the document, with tolerance and decision rule.
     valid
         Whether the mass may be relied on.
+    expanded_kg
+        Expanded uncertainty of the mass, as of `conformity_of`.
     """
     rule = USUAL_RULE if issued.decision_rule is None else issued.decision_rule
-    found = conformity_of(issued.tolerance_kg, specification, mass_kg, u_kg, degrees_of_freedom, rule)
+    found = conformity_of(issued.tolerance_kg, specification, mass_kg, u_kg, degrees_of_freedom, rule, expanded_kg)
     if found is None:
         return dict(UNSTATED)
     return found.to_json() if valid else {**found.to_json(), **UNSTATED, "rule": rule, "why": NOT_VALID}

@@ -109,6 +109,14 @@ def test_without_tolerance_specification_or_number_none_is_stated():
     assert conformity_of((-4.0, 4.0), BARE, 782.0, 0.0).word == "not stated"
 
 
+def test_the_guard_band_is_as_wide_as_the_expanded_uncertainty_that_is_reported():
+    assert conformity_of((-4.0, 4.0), BARE, 782.0, 2.0, 9.0, "guard band", 3.9).guard_band_kg == pytest.approx(3.9)
+    assert conformity_of((-4.0, 4.0), BARE, 782.0, 2.0, 9.0, "guard band", 3.9).word == "conforms"
+    assert conformity_of((-4.0, 4.0), BARE, 782.0, 2.0, 9.0, "guard band").word == "not shown"
+    added = conformity_of((-4.0, 4.0), OF, OF.mass_kg, 2.0, 9.0, "guard band", 3.9)
+    assert added.guard_band_kg == pytest.approx(3.9 * math.sqrt(2.0**2 + 0.3**2 + 0.9**2) / 2.0)
+
+
 def test_the_limits_of_a_document_have_no_number_for_an_open_side():
     found = conformity_of((-4.0, 4.0), BARE, 782.5, 1.0)
     assert found.to_json()["limits_kg"] == [778.0, 786.0]

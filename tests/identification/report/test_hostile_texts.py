@@ -42,7 +42,7 @@ from tests.builders.virtual_shots import identified, virtual_shot
 EVIL = "\x1b[2J\u202eevil\u2066\x00\ud800<script>alert(1)</script><b onload=x>'\"&{{7*7}}#panic()$x$\\input{x}%{y}"
 DECIDING = (
     "schema", "verdict", "status", "unit", "kind", "severity", "type", "method", "target", "sha256", "logo", "group",
-    "key", "certified", "word", "rule", "date",
+    "key", "certified", "word", "rule", "date", "interval_by",
 )  # fmt: skip
 """Keys of words that decide something, and of what is checked before a page is made."""
 OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")

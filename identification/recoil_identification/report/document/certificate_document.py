@@ -114,6 +114,7 @@ def certificate_document(
             mass["u"],
             math.inf if of_campaign else freedom,
             valid=bool(source["valid"]),
+            expanded_kg=mass["U_kg"],
         ),
         "shots": _shots(source, by_name) if of_campaign else [_shot(source)],
         "calibrations": _calibrations(source, by_name),

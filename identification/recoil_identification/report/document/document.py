@@ -271,8 +271,9 @@ def _conformity(found: Identification, issued: Issue) -> dict[str, Any]:
     """State the conformity of the mass with its tolerance."""
     estimate = found.chosen.estimate
     return stated_conformity(
-        issued, found.specification, estimate.mass_kg, estimate.u_kg, estimate.degrees_of_freedom, valid=found.valid
-    )
+        issued, found.specification, estimate.mass_kg, estimate.u_kg, estimate.degrees_of_freedom, valid=found.valid,
+        expanded_kg=found.expanded_kg,
+    )  # fmt: skip
 
 
 def _estimates(found: Identification) -> Mapping[ErrorSource, float]:
