@@ -376,12 +376,13 @@ def test_of_a_result_that_is_not_valid_there_is_none_without_a_concession(done: 
 
 @pytest.fixture(scope="module")
 def combined(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A campaign of four shots, one of them set aside and two fired after a calibration was due."""
+    """A campaign of four shots, one of them set aside and one fired after a calibration was due, as a person says."""
     folder = tmp_path_factory.mktemp("combined")
     for number, shot in enumerate(SHOTS):
-        day = "2026-09-30" if number < 2 else "2026-10-04"
+        stated = {"on": "2026-10-04", "of": "given"} if number == 3 else {"on": "2026-09-30", "of": "start"}
         write_report(
-            folder / "reports", shot, started=f"{day}T10:00:00", channels=[CHANNEL],
+            folder / "reports", shot, started="2026-09-30T10:00:00", calibration_day=stated,
+            channels=[CHANNEL],
             issued={"laboratory": "North", "customer": "C", "number": "1", "concession": f"of {shot.name}"},
             peaks={"breech_pressure_pa": 2e8, "recoil_travel_m": 0.8}, peaks_u={"breech_pressure_pa": 1e6},
             peaks_U95={"breech_pressure_pa": [1.98e8, 2.02e8]},

@@ -235,7 +235,7 @@ def _calibrations(source: Document, by_name: Mapping[str, Document]) -> list[dic
         if not one["role"]:
             continue
         shots = [str(name) for name in one.get("shots", by_name)]
-        days = [_day(by_name[name].get("started")) for name in shots]
+        days = [_day(by_name[name]) for name in shots]
         faults = [
             fault for day in days if day is not None
             for fault in day.faults(_date(one["calibrated"]), _date(one["due"])) if fault
@@ -257,9 +257,10 @@ def _calibrations(source: Document, by_name: Mapping[str, Document]) -> list[dic
     return found
 
 
-def _day(started: str | None) -> CalibrationDay | None:
-    """Return the day of a shot; None where nothing states it."""
-    return CalibrationDay.of_start(started, DayOf.INGEST) if _date((started or "")[:10]) else None
+def _day(fired: Document) -> CalibrationDay | None:
+    """Return the day on which a shot was fired, by its files or by a person; None where nothing states it."""
+    day = CalibrationDay.of_report(fired)
+    return None if day is None or day.of is DayOf.INGEST else day
 
 
 def _date(text: str | None) -> dt.date | None:
