@@ -152,7 +152,9 @@ def test_the_gain_moves_the_mass_as_the_force_and_the_report_says_why(
     rig_file = mixed.rig_file(tmp_path, gauge(gain=1.01))
     before = hashlib.sha256(mixed.shot_file.read_bytes()).hexdigest()
     plain = run("identify", "--verbose", mixed.shot_file, "--out", tmp_path / "plain", "--method", "reverse")
-    result = run("identify", "--verbose", mixed.shot_file, "--rig", rig_file, "--out", tmp_path / "out", "--method", "reverse")
+    result = run(
+        "identify", "--verbose", mixed.shot_file, "--rig", rig_file, "--out", tmp_path / "out", "--method", "reverse"
+    )
     assert (plain.exit_code, result.exit_code) == (0, 0), result.output
     assert hashlib.sha256(mixed.shot_file.read_bytes()).hexdigest() == before
     report, as_was = (
