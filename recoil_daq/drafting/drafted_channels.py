@@ -24,6 +24,8 @@ MOST_UNKNOWN = 12
 """Signals without a unit that are asked for; more of them stand behind comment signs."""
 _PLACED = ("recoil_acceleration", *CARRIAGE_ACCELERATIONS)
 """Roles of sensors whose place on their body counts."""
+_OF_UNCERTAINTY = ("u_rel", "U_rel", "k", "nu")
+"""Keys of a sensor that say together how well its scale is known."""
 
 
 class DraftedChannels:
@@ -239,6 +241,8 @@ class DraftedChannels:
         reasons = dict.fromkeys(sensor, self._evidence.as_other)
         if certificate is not None:
             found = certificate.sensor(unit)
+            if "U_rel" in found:  # another certificate, all of it
+                sensor = {key: value for key, value in sensor.items() if key not in _OF_UNCERTAINTY}
             sensor |= found
             reasons |= dict.fromkeys(found, "")
             if unit is None and "range" in found:
@@ -254,7 +258,8 @@ class DraftedChannels:
                     for key, one in asked.items()
                     if key == "u_rel" or not other.leaves_out(signal.source, signal.name, key)
                 }
-            rows += [Entry(key, one) for key, one in asked.items() if key not in sensor]
+            answered = {*sensor, *(("u_rel",) if "U_rel" in sensor else ())}
+            rows += [Entry(key, one) for key, one in asked.items() if key not in answered]
         if signal.counts and not signal.unit and "gain" not in sensor:
             rows += self._gain(signal, unit)
         if rows:
@@ -272,7 +277,7 @@ class DraftedChannels:
 
 
 def _row_of(certificate: Certificate) -> str:
-    return f"certificate: {certificate.place}, u_rel = U / k"
+    return f"certificate: {certificate.place}"
 
 
 def _asked_of_sensor(quantity: str, role: Any, unit: str | None) -> Iterator[tuple[str, Question]]:

@@ -1,7 +1,7 @@
 """The certificates of a stand's sensors in one table, ``sensors.csv``: a row for each quantity of a sensor.
 
 What a certificate states is kept as it states it: an expanded uncertainty in percent with its coverage factor, a
-sensitivity with its unit. `Certificate.sensor` is what a rig file has of it: ``u_rel = U / k`` (JCGM 100, 6.2), shares
+sensitivity with its unit. `Certificate.sensor` is what a rig file has of it: ``U_rel`` with its ``k``, shares
 instead of percent.
 """
 
@@ -163,7 +163,7 @@ class Certificate:
         cells = self.cells
         found: dict[str, Any] = {key: cells[key] for key in ("model", "serial", "certificate", *_DATES) if key in cells}
         if "U_percent" in cells:
-            found["u_rel"] = _rounded(cells["U_percent"] / cells["k"] / 100.0)
+            found |= {"U_rel": _rounded(cells["U_percent"] / 100.0), "k": cells["k"]}
         found |= {key: cells[key] for key in ("nu", "calibration", "reference") if key in cells}
         for column, key in (("u_reference_percent", "u_reference_rel"), ("zero_percent", "u_zero_rel")):
             if column in cells:
@@ -450,11 +450,13 @@ def other_certificates(channels: Sequence[ChannelSpec], path: Path) -> list[Faul
             continue
         stated = {key: getattr(sensor, key) for key in ("calibrated", "due", "u_rel", "nu", "calibration")}
         table = one.sensor(channel.unit)
-        differing = [key for key, value in stated.items() if key in table and table[key] != value]
+        if "U_rel" in table:
+            table |= {"u_rel": table["U_rel"] / table["k"]}
+        differing = [key for key, value in stated.items() if key in table and not _same(key, table[key], value)]
         if differing:
             values = ", ".join(f"{key} {table[key]} for {stated[key]}" for key in differing)
             remedy = f"take it over: `recoil-daq init FILES... --from RIG --sensors {quoted(path)}`"
-            problem = f"{path.name}, {one.place}, has another certificate of {serial}: {values}; {remedy}"
+            problem = f"{path.name}, row {one.line}, has another certificate of {serial}: {values}; {remedy}"
             found.append(Fault((Row("channel", channel.name), "sensor"), problem, FaultCode.CONTRADICTION))
     return found
 

@@ -239,7 +239,8 @@ def test_digital_certificates_fill_the_sensors_of_the_table(run, field_shot: Twi
     assert done.exit_code == 0, done.output
     assert "D-K-15055-2026-04711 is not signed" in " ".join(done.output.split())
     sensor = channel((tmp_path / "rig.toml").read_text(encoding="utf-8"), "AI 6/breech")["sensor"]
-    assert (sensor["sensitivity"], sensor["u_rel"], sensor["range"]) == ("40.2 mV/MPa", 0.004, [0.0, 250.0])
+    assert (sensor["sensitivity"], sensor["U_rel"], sensor["k"]) == ("40.2 mV/MPa", 0.01, 2.5)
+    assert sensor["range"] == [0.0, 250.0]
     assert (sensor["certificate"], sensor["serial"]) == ("D-K-15055-2026-04711", "V301")
     digital.write_bytes(laboratory().signed().replace(b"40.2<", b"41.2<"))
     refused = run("init", recorded, "--sensors", digital, "--out", tmp_path / "other.toml")
@@ -370,7 +371,8 @@ def test_an_unfinished_draft_goes_on(recorded: list[Path], tmp_path: Path) -> No
         recorded, other=tmp_path / "rig.toml", sensors=tmp_path / "sensors.csv", out=tmp_path / "rig.toml"
     )
     assert len(second.draft.questions()) == len(first.draft.questions()) - 4
-    assert channel(second.draft.text(), "AI 7/p_brake")["sensor"]["u_rel"] == 0.004
+    sensor = channel(second.draft.text(), "AI 7/p_brake")["sensor"]
+    assert (sensor["U_rel"], sensor["k"], "u_rel" in sensor) == (0.008, 2.0, False)
 
 
 @pytest.mark.whole_way

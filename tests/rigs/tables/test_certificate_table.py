@@ -25,7 +25,7 @@ def test_a_row_is_what_a_rig_file_has_of_a_sensor(tmp_path: Path) -> None:
     (one,) = read(tmp_path, HEAD, SOUND)
     sensor = one.sensor("V")
     assert sensor == {
-        "serial": "V301", "calibrated": dt.date(2026, 3, 1), "due": dt.date(2027, 3, 1), "u_rel": 0.005,
+        "serial": "V301", "calibrated": dt.date(2026, 3, 1), "due": dt.date(2027, 3, 1), "U_rel": 0.01, "k": 2.0,
         "range": [0.0, 250.0], "sensitivity": "40 mV/MPa",
     }  # fmt: skip
     assert Sensor.model_validate(sensor).u_rel == 0.005
@@ -53,7 +53,7 @@ def test_shares_come_of_percent_and_lengths_of_millimetres(tmp_path: Path) -> No
     head = "serial,U_percent,k,reference,u_reference_percent,zero_percent,distortion_mm,delay_s,u_delay_s,calibration"
     (one,) = read(tmp_path, head, "A,1.2,2.4,dw-7,0.3,0.1,0.05,0.0004,1e-5,Dynamic")
     assert one.sensor(None) == {
-        "serial": "A", "u_rel": 0.005, "reference": "dw-7", "u_reference_rel": 0.003, "u_zero_rel": 0.001,
+        "serial": "A", "U_rel": 0.012, "k": 2.4, "reference": "dw-7", "u_reference_rel": 0.003, "u_zero_rel": 0.001,
         "u_distortion_m": 5e-5, "delay_s": 0.0004, "u_delay_s": 1e-5, "calibration": "dynamic",
     }  # fmt: skip
 
@@ -124,7 +124,7 @@ def test_a_number_may_have_its_unit_behind_it(tmp_path: Path) -> None:
     head = "serial,quantity,unit,range_low,range_high,U_percent,k,filter_hz,delay_s"
     (one,) = read(tmp_path, head, "A,pressure,MPa,0 bar,2500 bar,0.5 %,2,10 kHz,0.4 ms")
     sensor = one.sensor("MPa")
-    assert (sensor["range"], sensor["u_rel"]) == ([0.0, 250.0], 0.0025)
+    assert (sensor["range"], sensor["U_rel"], sensor["k"]) == ([0.0, 250.0], 0.005, 2.0)
     assert (sensor["filter_hz"], sensor["delay_s"]) == (1e4, 4e-4)
 
 

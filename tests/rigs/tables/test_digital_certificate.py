@@ -41,7 +41,7 @@ def test_a_certificate_says_sensor_sensitivity_uncertainty_day_and_number(tmp_pa
     assert "is not signed" in str(found)
     (certificate,) = read_certificates(path)
     sensor = certificate.sensor("V")
-    assert (sensor["u_rel"], sensor["sensitivity"]) == (0.004, "40.2 mV/MPa")
+    assert (sensor["U_rel"], sensor["k"], sensor["sensitivity"]) == (0.01, 2.5, "40.2 mV/MPa")
     assert sensor["certificate"] == "D-K-15055-2026-04711"
 
 
@@ -204,7 +204,7 @@ def test_a_row_of_the_table_is_filled_in_by_the_certificate_that_it_names(tmp_pa
     )
     (row,) = read_certificates(table)
     sensor = row.sensor("V")
-    assert (sensor["certificate"], sensor["u_rel"], sensor["range"]) == ("D-K-15055-2026-04711", 0.004, [0.0, 250.0])
+    assert (sensor["certificate"], sensor["U_rel"], sensor["range"]) == ("D-K-15055-2026-04711", 0.01, [0.0, 250.0])
     assert (sensor["calibrated"], sensor["due"]) == (dt.date(2026, 3, 1), dt.date(2027, 3, 1))
     assert "is not signed" in row.said
     table.write_text("serial,U_percent,k,dcc\nV301,2,2.5,dcc.xml\n", "utf-8")
