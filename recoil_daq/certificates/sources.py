@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from recoil_acquisition.errors import ReadError
+from recoil_acquisition.errors import ReadError, quoted
 from recoil_acquisition.files.regular_file import read_small, require_name
 from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_acquisition.shot.shot import InputFile
@@ -117,7 +117,7 @@ class Sources:
         if place.suffix == ".h5":
             raise ReadError(
                 "a certificate is made of a report, and this is a shot file", path=place,
-                remedy=f"identify it first: `recoil-daq identify {place}`, then name its report",
+                remedy=f"identify it first: `recoil-daq identify {quoted(place)}`, then name its report",
             )  # fmt: skip
         return cls.behind(Sealed.read(place), ())
 
