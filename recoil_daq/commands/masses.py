@@ -191,12 +191,14 @@ def identify(
         raise typer.BadParameter("--beside goes with the mass")
     memory_s = _memory(window_s)
     if sweep is not None:
-        if target or beside or compare or header or pdf or figures or workers or cluster:
+        if target or beside or compare or figures or workers or cluster:
             raise typer.BadParameter(
-                "--sweep goes with none of --target, --beside, --compare, --header, --pdf, --figures, --workers and "
-                "--cluster"
+                "--sweep goes with none of --target, --beside, --compare, --figures, --workers and --cluster"
             )
-        _sweep(shots, sweep, out, (method, cutoff_hz, memory_s, filter_name), rig, standalone, overwrite, json, debug)
+        _sweep(
+            shots, sweep, out, (method, cutoff_hz, memory_s, filter_name), rig, header, pdf, standalone, overwrite,
+            json, debug,
+        )  # fmt: skip
         return
     with Session(json, debug) as session:
         if workers == 1 or (len(shots) == 1 and shots[0].is_file()):
@@ -274,7 +276,7 @@ def identify(
 
 def _sweep(
     shots: list[Path], text: str, out: Path, asked: "tuple[Method | None, float | None, float | None, str]",
-    rig: str | None, standalone: bool, overwrite: bool, json: bool, debug: bool,
+    rig: str | None, header: Path | None, pdf: bool, standalone: bool, overwrite: bool, json: bool, debug: bool,
 ) -> None:  # fmt: skip
     if len(shots) != 1 or shots[0].is_dir():
         raise typer.BadParameter("--sweep takes one shot")
@@ -295,8 +297,8 @@ def _sweep(
         with session.steps("sweep") as progress:
             done = sweep_shot(
                 named_shot(shots[0]), swept, out=out, rig=rig,
-                options=Options(method, cutoff_hz, memory_s, filter=filter_name), standalone=standalone,
-                overwrite=overwrite, progress=progress,
+                options=Options(method, cutoff_hz, memory_s, filter=filter_name), pdf=pdf,
+                standalone=standalone, overwrite=overwrite, header=header, progress=progress,
             )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
 

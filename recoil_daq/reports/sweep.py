@@ -12,6 +12,7 @@ from recoil_acquisition.errors import IdentificationError, RecoilDaqError
 from recoil_acquisition.files.regular_file import read_beginning, read_small
 from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_acquisition.numerics.linear_algebra import on_one_thread
+from recoil_acquisition.packages.extras import PDF
 from recoil_acquisition.quantities.typed_quantity import typed_quantity
 from recoil_acquisition.shot.shot import InputFile
 from recoil_daq.reports.output import Output, Pages
@@ -30,6 +31,7 @@ from recoil_identification.report.document.report_files import (
 )
 from recoil_identification.report.document.reproduction import Comparison, Difference, NotCompared
 from recoil_identification.report.page.html import render_results_page
+from recoil_identification.report.paper.paper import sweep_pdf
 from recoil_identification.report.results.sweep import (
     OPTIONS,
     SCHEMA,
@@ -41,10 +43,13 @@ from recoil_identification.report.results.sweep import (
 )
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
+from recoil_rigs.tables.issue import NOTHING_STATED
 
 if TYPE_CHECKING:
     import pandas as pd
 
+ENDINGS = ("html", "json", "csv", "pdf")
+"""Endings of the files of a sweep."""
 MOST_VALUES = 200
 """Number of values of one sweep: each is a whole identification."""
 
@@ -141,8 +146,10 @@ def sweep_shot(
     out: str | Path = "reports",
     options: Options | None = None,
     rig: str | Path | None = None,
+    pdf: bool = False,
     standalone: bool = False,
     overwrite: bool = False,
+    header: str | Path | None = None,
     progress: Progress = lambda _: None,
 ) -> Swept:
     """Identify a shot file at each value of one option, and write a page, a JSON file and a table into ``out/<shot>``.
@@ -153,7 +160,7 @@ def sweep_shot(
         Option and values: ``cutoff_hz=150:600:50``.
     options
         Options of the shot's own row, with which the others are compared; the others differ from it in one value.
-    rig, standalone, overwrite
+    rig, pdf, standalone, overwrite, header
         Parameters as `recoil_daq.reports.identify.identify_file` takes them.
     progress
         Function called with which value is under way.
@@ -168,13 +175,14 @@ def sweep_shot(
         If the shot's own options allow no mass; a value that allows none is a row that says why.
     """
     swept, own = sweep if isinstance(sweep, Sweep) else Sweep.of(sweep), options or Options()
-    output = Output(Path(out), standalone=standalone, overwrite=overwrite)
+    output = Output(Path(out), pdf, standalone=standalone, overwrite=overwrite, header=header and Path(header))
+    output.refuse_missing_extra()
     progress("read")
-    fired = read_stored(Path(path), rig)
+    fired = read_stored(Path(path), rig, header=output.header)
     folder = output.out / fired.shot.name
     name = stem(swept.key)
-    page, data, table = (f"{name}.{ending}" for ending in ("html", "json", "csv"))
-    output.refuse_unwritable(folder, (page, data, table))
+    page, data, table, paper = (f"{name}.{ending}" for ending in ENDINGS)
+    output.refuse_unwritable(folder, (page, data, table, paper))
     specification_kg = 0.0
 
     def each() -> Iterator[tuple[float | None, Row | str]]:
@@ -195,12 +203,12 @@ def sweep_shot(
     document = sweep_document(
         swept.key, rows, shot=fired.shot.name, rig=fired.shot.rig_name, specification_kg=specification_kg,
         version=__version__, inputs=provenance_inputs(fired.shot, InputFile.of(Path(path)), fired.beside),
-        options=own.to_json(),
+        options=own.to_json(), issued=fired.issued.to_json() if fired.issued != NOTHING_STATED else None,
     )  # fmt: skip
     drawn = sweep_figures(document)
     # of the folder's other files none is the sweep's, and so none goes with it
     html = render_results_page(document, drawn, standalone=standalone)
-    pages = Pages(page, html, f"{name}.pdf", None, drawn, f"{name}-")
+    pages = Pages(page, html, paper, sweep_pdf(document, drawn) if pdf else None, drawn, f"{name}-")
 
     def write(partial: Path) -> None:
         (partial / data).write_bytes(json_bytes(document))
@@ -223,17 +231,20 @@ def sweeps_again(folder: Path) -> tuple[Comparison, set[str]]:
     """
     stems = [stem(key) for key in OPTIONS if (folder / f"{stem(key)}.json").is_file()]
     whole = Comparison.of(found for one in stems for found in _again(folder, one))
-    return whole, {f"{one}.{ending}" for one in stems for ending in ("json", "html", "csv")}
+    names = {f"{one}.{ending}" for one in stems for ending in ENDINGS}
+    return whole, {name for name in names if (folder / name).is_file()}
 
 
 def _again(folder: Path, name: str) -> Iterator[Difference | NotCompared | str]:
-    path, page, table = (folder / f"{name}.{ending}" for ending in ("json", "html", "csv"))
+    page, path, table, paper = (folder / f"{name}.{ending}" for ending in ENDINGS)
     try:
         with told_in_one_line("this is no sweep that can be drawn again", path):
             document = of_schema(read_small(path, LARGEST_REPORT, "a sweep"), SCHEMA)
             fault, drawn = seal_fault(document), sweep_figures(document)
             pages = [render_results_page(document, drawn, standalone=alone).encode() for alone in (False, True)]
             files = {page: pages, table: [SWEEP.csv(document).encode()]}
+            if paper.is_file() and PDF.is_installed:
+                files[paper] = [sweep_pdf(document, drawn)]
             here = (document["provenance"]["version"], document["provenance"]["computer"]) == (__version__, computer())
     except RecoilDaqError as error:
         yield NotCompared(path.name, str(error), stated=False)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pypdf import PdfReader
 from typer.testing import Result
 
 from recoil_acquisition.errors import StoreError
@@ -108,6 +109,25 @@ def test_nothing_of_a_report_goes_with_a_sweep_and_no_sweep_is_replaced_unasked(
     with pytest.raises(StoreError, match="exists already"):
         sweep_shot(stored, "window_s=0.02:0.02:1", out=tmp_path)
     sweep_shot(stored, "window_s=0.02:0.02:1", out=tmp_path, overwrite=True)
+
+
+@pytest.mark.whole_way
+def test_a_sweep_on_paper_has_its_identity_and_is_drawn_again(stored: Path, tmp_path: Path) -> None:
+    (tmp_path / "header.toml").write_text('laboratory = "North"\nnumber = "S-{shot}"\n', encoding="utf-8")
+    done = sweep_shot(stored, "cutoff_hz=300:400:100", out=tmp_path / "out", pdf=True, header=tmp_path / "header.toml")
+    assert done.document["issued"] == {"laboratory": "North", "number": "S-0001"}
+    paper = done.page.with_suffix(".pdf")
+    text = " ".join(" ".join(page.extract_text() for page in PdfReader(paper).pages).split())
+    for said in ("North", "S-0001", "THE MASS STANDS", "400 Hz"):
+        assert said in text
+    assert all(said in done.page.read_text("utf-8") for said in ("North", "S-0001"))
+    compared, files = sweeps_again(done.folder)
+    assert {paper.name, done.page.name} <= files
+    assert (paper.name in compared.drawings, compared.differences) == (True, ())
+    content = bytearray(paper.read_bytes())
+    content[len(content) // 3] ^= 1
+    paper.write_bytes(content)
+    assert paper.name in str(sweeps_again(done.folder)[0].differences)
 
 
 @pytest.mark.whole_way

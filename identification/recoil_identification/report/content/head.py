@@ -155,12 +155,17 @@ def head_of(document: Document) -> Head:
         ),
         lists=tuple(replace(one, items=tuple(map(units.text, one.items))) for one in head.lists),
         identity=(
-            *((LABELS.get(key, key), str(issued[key])) for key in IDENTITY if issued.get(key)),
+            *identity_of(issued),
             *((LABELS.get(key, key), certificate_tables.NOT_STATED) for key in document.get("not_stated") or ()),
         ),
         logo=str(issued.get("logo") or ""),
         concession=str(issued.get("concession") or ""),
     )
+
+
+def identity_of(issued: Mapping[str, Any]) -> Facts:
+    """Return the identity of a document as it is read."""
+    return tuple((LABELS.get(key, key), str(issued[key])) for key in IDENTITY if issued.get(key))
 
 
 def _conformity(document: Document) -> tuple[str, tuple[str, ...], Facts]:

@@ -182,6 +182,8 @@ class ResultHead:
         Files that have no row, each with its error.
     series_file, series_name
         Name of the table beside the page, and what is in it; None where there is none.
+    identity
+        Identity of the page: label and text of each fact.
     embedded
         Document that the script of the page is given, for the names of the pictures that it saves.
     """
@@ -193,6 +195,7 @@ class ResultHead:
     faults: tuple[str, ...] = ()
     series_file: str | None = None
     series_name: str | None = None
+    identity: tuple[tuple[str, str], ...] = ()
     embedded: Row = field(default_factory=dict)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from urllib.parse import quote
 from recoil_acquisition.errors import visible
 from recoil_identification.estimate.rounding import NO_NUMBER, grouped
 from recoil_identification.report.content.glossary import Glossary, notation
-from recoil_identification.report.content.head import head_of
+from recoil_identification.report.content.head import head_of, identity_of
 from recoil_identification.report.content.result_table import ResultHead
 from recoil_identification.report.content.section import parts_of
 from recoil_identification.report.document.certificate_document import CERTIFICATE_FILE
@@ -193,7 +193,7 @@ def render_results_page(
     StoreError
         As of `render_page`.
     """
-    head = asdict(_HEADS[document["schema"]](document))
+    head = asdict(replace(_HEADS[document["schema"]](document), identity=identity_of(document.get("issued") or {})))
     return _render("overview.html", document, figures, standalone=standalone, **head)
 
 

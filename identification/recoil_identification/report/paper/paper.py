@@ -24,6 +24,7 @@ from recoil_identification.report.document.report_files import OWN_DIGEST, SEAL,
 from recoil_identification.report.figure.figure import Figure
 from recoil_identification.report.figure.svg import figure_svg, key_of
 from recoil_identification.report.paper.typeset import pdf_bytes, png_bytes
+from recoil_identification.report.results import sweep
 from recoil_identification.report.sections import sections_of
 
 PDF_FILE = "report.pdf"
@@ -135,13 +136,18 @@ def campaign_pdf(document: Document, figures: Sequence[Figure]) -> bytes:
     return _typeset("campaign.json", document, figures)
 
 
+def sweep_pdf(document: Document, figures: Sequence[Figure]) -> bytes:
+    """Typeset a sweep of one option, with its JSON file embedded, as `report_pdf`."""
+    return _typeset(f"{sweep.stem(document['key'])}.json", document, figures, sweep.paper_head(document))
+
+
 def certificate_pdf(document: Document) -> bytes:
     """Typeset a certificate, with its ``certificate.json`` embedded, as `report_pdf`; its date is that of issue."""
     return _typeset(CERTIFICATE_FILE, document, ())
 
 
-def _typeset(name: str, document: Document, figures: Sequence[Figure]) -> bytes:
-    content, head = json_bytes(document), head_of(document)
+def _typeset(name: str, document: Document, figures: Sequence[Figure], head: Head | None = None) -> bytes:
+    content, head = json_bytes(document), head or head_of(document)
     title = f"{head.of} on rig {head.rig}" + (f": {head.result}" if "target" in document else "")
     parts = [part for one in parts_of(sections_of(document), document, figures) for part in _parts(one)]
     written = _head(head)

@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 from recoil_identification.estimate.rounding import in_kg, plain, signed, significant
+from recoil_identification.report.content.head import Head, identity_of
 from recoil_identification.report.content.result_table import (
     E_N,
     INTERVAL,
@@ -70,6 +71,7 @@ def sweep_document(
     version: str,
     inputs: Sequence[Mapping[str, Any]],
     options: Mapping[str, Any],
+    issued: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Build the document of a sweep, JSON types only.
 
@@ -85,6 +87,8 @@ def sweep_document(
         Files that the shot was made of and read with, as in a report.
     options
         Options of the row of the shot's own.
+    issued
+        Identity of the document; None where none is stated.
 
     Raises
     ------
@@ -111,6 +115,7 @@ def sweep_document(
         "largest_difference_kg": None if furthest is None else furthest["difference_kg"],
         "at": None if furthest is None else furthest["value"],
         "moves": None if furthest is None else bool(abs(furthest["difference_kg"]) > own["u_kg"]),
+        **({"issued": dict(issued)} if issued else {}),
         "provenance": {
             "version": version,
             "computer": computer(),
@@ -159,13 +164,28 @@ def stem(key: str) -> str:
     return f"sweep_{key}"
 
 
+def stands(document: Document) -> bool:
+    """Return whether the mass stands, valid, whatever the option is."""
+    return document["moves"] is False and all(row["valid"] for row in (document["own"], *document["rows"]))
+
+
 def head(document: Document) -> ResultHead:
-    """Return the head of the page; green says that the mass stands whatever the option is."""
-    stands = document["moves"] is False and all(row["valid"] for row in (document["own"], *document["rows"]))
+    """Return the head of the page; green says that the mass stands."""
     return ResultHead(
         f"Shot {document['shot']}: sweep of the {document['option']}", f"rig {document['rig']}", (document["detail"],),
-        doubtful=not stands, series_file=f"{stem(document['key'])}.csv", series_name="the values",
+        doubtful=not stands(document), series_file=f"{stem(document['key'])}.csv", series_name="the values",
         embedded={"shot": f"{document['shot']}-sweep"},
+    )  # fmt: skip
+
+
+def paper_head(document: Document) -> Head:
+    """Return the head of the paper copy, which says what that of the page does."""
+    steady = stands(document)
+    return Head(
+        of=f"Shot {document['shot']}", rig=str(document["rig"]), when="", tone="ok" if steady else "doubt",
+        stamp="THE MASS STANDS" if steady else "LOOK", result=f"sweep of the {document['option']}",
+        words=(document["detail"],), identity=identity_of(document.get("issued") or {}),
+        logo=str((document.get("issued") or {}).get("logo") or ""),
     )  # fmt: skip
 
 
