@@ -18,7 +18,8 @@ import numpy as np
 
 from recoil_acquisition.numerics.arrays import Array, Flags
 from recoil_identification.calibration.calibration import Calibration
-from recoil_identification.estimate.budget import COVERAGE_FACTOR
+from recoil_identification.estimate.budget import coverage_factor
+from recoil_identification.inference.estimate import ROWS
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.causes import DISTORTIONS
 from recoil_identification.rows.known_forces import OF_READING
@@ -26,7 +27,7 @@ from recoil_identification.rows.sensor_priors import CAMERA_SCALE
 from recoil_identification.shot.identified import Identification
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
-from recoil_processing.noise import noise_sigma
+from recoil_processing.noise import noise_sigma, welch_satterthwaite
 from recoil_processing.picture_bends import picture_bends
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES
@@ -79,11 +80,14 @@ class Peak:
         Contributions to `u` by the names of their sources; their squares add up to its square.
     shared
         Names of those sources that are off alike in every shot of the same sensors, or of the same rig.
+    freedom
+        Degrees of freedom of the parts by the names of their sources; those that are not in it are known.
     """
 
     value: float
     parts: Mapping[str, float] = field(default_factory=dict)
     shared: frozenset[str] = frozenset()
+    freedom: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def u(self) -> float:
@@ -96,9 +100,15 @@ class Peak:
         return math.hypot(*(part for name, part in self.parts.items() if name in self.shared))
 
     @property
+    def degrees_of_freedom(self) -> float:
+        """Effective degrees of freedom of `u` (JCGM 100:2008, G.2b); may be infinite."""
+        return welch_satterthwaite((part, self.freedom.get(name, math.inf)) for name, part in self.parts.items())
+
+    @property
     def interval(self) -> tuple[float, float]:
         """Interval of 95 % coverage."""
-        return self.value - COVERAGE_FACTOR * self.u, self.value + COVERAGE_FACTOR * self.u
+        half = coverage_factor(max(self.degrees_of_freedom, 1.0)) * self.u
+        return self.value - half, self.value + half
 
     @property
     def ruled_by(self) -> str:
@@ -412,7 +422,13 @@ class _Quantities:
     def _peak(self, value: float, slopes: Mapping[str, float], beside: Mapping[str, float]) -> Peak:
         parts = self.calibration.inferred.parts_of(slopes)
         parts |= {name: math.hypot(parts.get(name, 0.0), u) for name, u in beside.items()}
-        return Peak(value, parts, self._shared)
+        return Peak(value, parts, self._shared, self._freedom)
+
+    @cached_property
+    def _freedom(self) -> dict[str, float]:
+        priors = (*self.calibration.common, *self.calibration.own)
+        known = {source: prior.degrees_of_freedom for prior in priors for source in prior.sources}
+        return {**known, ROWS: self.calibration.noise.degrees_of_freedom}
 
     @cached_property
     def _shared(self) -> frozenset[str]:

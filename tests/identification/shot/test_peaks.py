@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
@@ -47,6 +48,14 @@ def test_the_parts_add_up_and_the_largest_rules() -> None:
     low, high = peak.interval
     assert (low + high, high - low) == pytest.approx((20.0, 2 * 1.96 * 0.5), rel=1e-4)
     assert math.isinf(Peak(10.0).u)
+
+
+def test_a_part_that_is_guessed_widens_the_interval_as_students_t_does() -> None:
+    peak = Peak(10.0, {"scale": 0.3, "zero": 0.4}, freedom={"zero": 8.0})
+    freedom = 0.5**4 / (0.4**4 / 8.0)
+    assert peak.degrees_of_freedom == pytest.approx(freedom)
+    low, high = peak.interval
+    assert high - low == pytest.approx(2 * stats.t.ppf(0.975, freedom) * 0.5)
 
 
 @pytest.mark.whole_way

@@ -11,7 +11,19 @@ import pytest
 from scipy.io import savemat
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.packages.extras import CLUSTER, EXTRAS, MDF, NOTEBOOK, PDF, SERVE, SIGN, SIGN_KEYS, XARRAY, XLSX
+from recoil_acquisition.packages.extras import (
+    CLUSTER,
+    DCC,
+    EXTRAS,
+    MDF,
+    NOTEBOOK,
+    PDF,
+    SERVE,
+    SIGN,
+    SIGN_KEYS,
+    XARRAY,
+    XLSX,
+)
 from recoil_acquisition.readers.table import BY_LAYOUT, READERS, TableReader
 from recoil_daq.recording.file_summary import open_recording
 from recoil_rigs.rig import load_rig
@@ -53,7 +65,7 @@ def test_formats_lists_every_reader_with_what_it_needs(run):
 
 def test_every_extra_is_a_reader_s_or_a_command_s_and_pip_knows_it():
     needed = {reader.extra for reader in READERS if isinstance(reader, TableReader) and reader.extra is not None}
-    assert set(EXTRAS.values()) == {*needed, MDF, CLUSTER, PDF, SERVE}, (
+    assert set(EXTRAS.values()) == {*needed, MDF, CLUSTER, PDF, DCC, SERVE}, (
         "MDF 4 is written by its library, and read without it"
     )
     project = tomllib.loads((Path(__file__).resolve().parents[3] / "pyproject.toml").read_text("utf-8"))["project"]

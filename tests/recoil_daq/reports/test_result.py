@@ -180,6 +180,7 @@ def test_a_missing_library_is_named_with_what_to_install(
         getattr(result, call)(*([tmp_path / "a.xlsx"] if call == "to_excel" else []))
 
 
+@pytest.mark.whole_way
 def test_what_was_added_is_in_the_specification(shot: Shot, result: Result, tmp_path: Path) -> None:
     added = identify(shot, added_mass_kg=-10.0, u_added_mass_kg=0.05)
     assert added.specification_kg == pytest.approx((result.specification_kg or 0.0) - 10.0)

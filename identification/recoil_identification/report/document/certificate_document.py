@@ -14,7 +14,6 @@ from enum import StrEnum
 from typing import Any
 
 from recoil_acquisition.remark import Severity
-from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.conformity import stated_conformity
 from recoil_identification.report.document.report_files import DRAWN, computer, sealed, to_json
 from recoil_rigs.shots.assumptions import assumption_lines
@@ -188,13 +187,10 @@ def _peaks(report: Document) -> list[dict[str, Any]]:
             continue
         interval = intervals.get(key)
         half = None if interval is None else 0.5 * (interval[1] - interval[0])
-        known = u.get(key) is not None and half is not None
-        found.append(
-            _result(
-                key, shot, value, u.get(key), U=half, k=COVERAGE_FACTOR if known else None,
-                nu=math.inf if known else None, interval=interval, unit=None,
-            )
-        )  # fmt: skip
+        factor = None if half is None or not u.get(key) else half / u[key]
+        stated = (report.get("peaks_degrees_of_freedom") or {}).get(key)
+        nu = None if factor is None else math.inf if stated is None else stated
+        found.append(_result(key, shot, value, u.get(key), U=half, k=factor, nu=nu, interval=interval, unit=None))
     return found
 
 

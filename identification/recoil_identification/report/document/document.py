@@ -304,6 +304,7 @@ def _peaks(found: Identification) -> dict[str, dict[str, Any]]:
         "peaks": by_name({name: peak.value for name, peak in peaks.items()}),
         "peaks_u": by_name({name: peak.u for name, peak in told.items()}),
         "peaks_u_shared": by_name({name: peak.u_shared for name, peak in told.items()}),
+        "peaks_degrees_of_freedom": by_name({name: peak.degrees_of_freedom for name, peak in told.items()}),
         "peaks_U95": by_name({name: list(peak.interval) for name, peak in told.items()}),
         "peaks_ruled_by": by_name({name: peak.ruled_by for name, peak in told.items()}),
     }

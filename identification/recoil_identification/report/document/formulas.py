@@ -228,7 +228,11 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("peaks_u_shared.*", Formula(
         "part of u by what every shot of the same sensors, or of the same rig, has in common",
         "JCGM 100:2008 (GUM), 5.2.4", ("peaks_u",))),
-    ("peaks_U95.*", Formula("value -+ 1.96 u", "JCGM 100:2008 (GUM), 6.2.1", ("peaks", "peaks_u"))),
+    ("peaks_degrees_of_freedom.*", Formula(
+        "u^4 / sum(u_i^4 / nu_i), u_i the parts of u", "JCGM 100:2008 (GUM), (G.2b)", ("peaks_u",))),
+    ("peaks_U95.*", Formula(
+        "value -+ k u, k the 97.5 % quantile of Student's t", "JCGM 100:2008 (GUM), G.3.2",
+        ("peaks", "peaks_u", "peaks_degrees_of_freedom"))),
     ("uncertainty.degrees_of_freedom", Formula("u^4 / sum(u_i^4 / nu_i)", "JCGM 100:2008 (GUM), (G.2b)", ("budget",))),
     ("uncertainty.coverage_factor", Formula("97.5 % quantile of Student's t", "JCGM 100:2008 (GUM), G.3.2",
                                             ("uncertainty.degrees_of_freedom",))),
