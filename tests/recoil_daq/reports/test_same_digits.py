@@ -104,7 +104,8 @@ def rows_of(page: str, section: str) -> Iterator[dict[str, str]]:
     heads = [text_of(one) for one in re.findall(r"<th[ >].*?</th>", table[0], re.DOTALL)]
     for row in re.findall(r"<tr.*?</tr>", table[0], re.DOTALL):
         cells = [text_of(one) for one in re.findall(r"<td.*?</td>", row, re.DOTALL)]
-        if cells:
+        # a row that folds others says how many there are, in one cell
+        if cells and "colspan" not in row:
             yield dict(zip(heads, cells, strict=True))
 
 
