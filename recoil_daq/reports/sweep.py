@@ -175,7 +175,9 @@ def sweep_shot(
         If the shot's own options allow no mass; a value that allows none is a row that says why.
     """
     swept, own = sweep if isinstance(sweep, Sweep) else Sweep.of(sweep), options or Options()
-    output = Output(Path(out), pdf, standalone=standalone, overwrite=overwrite, header=header and Path(header))
+    output = Output(
+        Path(out), pdf, standalone=standalone, overwrite=overwrite, header=None if header is None else Path(header)
+    )
     output.refuse_missing_extra()
     progress("read")
     fired = read_stored(Path(path), rig, header=output.header)
