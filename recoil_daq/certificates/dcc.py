@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -54,7 +54,7 @@ _CONFORMITY = {Word.CONFORMS: "pass", Word.DOES_NOT_CONFORM: "fail"}
 """Words that the schema has one for; what is not shown is neither, and stands in words alone."""
 _NORMS = {SIMPLE: "ILAC-G8:09/2019", GUARD_BAND: "ILAC-G8:09/2019"}
 _BY_PROBABILITY = "JCGM 106:2012"
-_SPACE = re.compile(r"[ \t\r\n]+")
+_BLANKS = str.maketrans("\t\r\n", "   ")
 _NO_CHARACTER = re.compile("[\ufffe\uffff]")
 _DCC, _SI = "https://ptb.de/dcc", "https://ptb.de/si"
 ET.register_namespace("dcc", _DCC)
@@ -105,7 +105,8 @@ def dcc_bytes(document: Document) -> bytes:
     _administrative(_add(root, "administrativeData"), document)
     _measured(_add(root, "measurementResults"), document)
     ET.indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="utf-8") + b"\n"
+    text: str = ET.tostring(root, encoding="unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
 
 
 def _administrative(of: ET.Element, document: Document) -> None:
@@ -321,7 +322,7 @@ def _si(of: ET.Element, name: str, text: str | None = None) -> ET.Element:
 
 def _plain(text: str) -> str:
     """Return a text as XML and the schema can hold it: what is no character is spelled, and blanks are single ones."""
-    seen = visible(_SPACE.sub(" ", text).strip(" "))
+    seen = visible(" ".join(filter(None, text.translate(_BLANKS).split(" "))))
     return _NO_CHARACTER.sub(lambda found: f"\\u{ord(found.group()):04x}", seen) or NOT_STATED
 
 

@@ -24,7 +24,6 @@ from recoil_identification.report.content.tables import PEAKS
 from recoil_identification.report.document.report_files import sealed
 from recoil_rigs.tables.digital_certificate import is_digital_certificate, read_digital_certificate
 from tests.builders.campaign_reports import write_report
-from tests.builders.campaign_summaries import campaign_of
 from tests.builders.signers import signer
 from tests.recoil_daq.certificates.test_certificate import CHANNEL, HEADER
 from tests.recoil_daq.certificates.test_certificate import SHOTS as CAMPAIGN_SHOTS
@@ -64,6 +63,10 @@ def checked(done: Path) -> CheckedReport:
     return one
 
 
+def parsed(content: bytes) -> ET.Element:
+    return ET.fromstring(content)  # noqa: S314 - it is our own
+
+
 def text_of(root: ET.Element, path: str) -> str:
     found = root.find(path, NS)
     assert found is not None, path
@@ -87,7 +90,7 @@ def _names(of: ET.Element) -> list[str]:
 def test_a_dcc_says_what_the_certificate_says_with_every_digit(made: Path) -> None:
     document = document_of(made)
     assert document["provenance"]["dcc"] == "3.3.0"
-    root = ET.parse(made / "certificate/certificate.xml").getroot()
+    root = parsed((made / "certificate/certificate.xml").read_bytes())
     assert root.get("schemaVersion") == "3.3.0"
     assert _names(root) == ["administrativeData", "measurementResults"]
     stated, measured = root
@@ -107,7 +110,7 @@ def test_a_dcc_says_what_the_certificate_says_with_every_digit(made: Path) -> No
     assert text_of(stated, "d:respPersons") == "A. Person, head of the laboratory authorized by B. Person tested by"
     said = text_of(stated, "d:statements")
     for words in (
-        document["statement"], "CONFORMS", "guard band (ILAC-G8", "place of the test Range 3", "replaces K-0001, issue 1",
+        document["statement"], "CONFORMS", "guard band (ILAC-G8", "place of the test Range 3", "replaces K-0001",
         *(one["sha256"] for one in document["provenance"]["inputs"]),
     ):  # fmt: skip
         assert words in said
@@ -125,6 +128,8 @@ def test_a_dcc_says_what_the_certificate_says_with_every_digit(made: Path) -> No
     ]
     serials = {one.text for one in measured.iterfind("d:measuringEquipments//d:identification/d:value", NS)}
     assert serials >= {one["serial"] for one in document["calibrations"] if one["serial"]}
+    # the day is the header's: the files of this shot state none
+    assert {one["in_force"] for one in document["calibrations"] if one["due"]} == {True}
     assert "day of the shot" not in text_of(measured, "d:measuringEquipments")
 
 
@@ -149,10 +154,6 @@ def test_it_comes_again_to_the_byte_is_signed_and_checked(made: Path, tmp_path: 
     assert found.again
     assert found.comparison is not None
     assert {"certificate.xml", "certificate.xml.sig"} <= {one.partition(" ")[0] for one in found.comparison.drawings}
-    certificate(made / "reports/0001", made / "header.toml", out=tmp_path / "again", dcc=True)
-    again = (tmp_path / "again/certificate.xml").read_bytes()
-    # unsigned, its document has another digest
-    assert again.count(b"\n") == (made / "certificate/certificate.xml").read_bytes().count(b"\n")
     certificate(made / "reports/0001", made / "header.toml", out=tmp_path / "signed", dcc=True, sign=made / "lab.pem")
     for name in ("certificate.xml", "certificate.json"):
         assert (tmp_path / "signed" / name).read_bytes() == (made / "certificate" / name).read_bytes()
@@ -169,7 +170,7 @@ FORGERIES = {
     "a digit": lambda d: _changed(d, "<si:value>7", "<si:value>8"),
     "the coverage": lambda d: _changed(d, "0.95", "0.99"),
     "a name": lambda d: _changed(d, "Programme Office", "Another Office"),
-    "a blank behind it": lambda d: _changed(d, "</dcc:digitalCalibrationCertificate>", "</dcc:digitalCalibrationCertificate> "),
+    "a blank behind it": lambda d: _changed(d, "Certificate>\n", "Certificate> \n"),
     "taken away": lambda d: (d / "certificate/certificate.xml").unlink(),
     "its signature taken away": lambda d: (d / "certificate/certificate.xml.sig").unlink(),
 }  # fmt: skip
@@ -219,7 +220,7 @@ def test_what_a_header_leaves_open_is_not_stated(done: Path) -> None:
     words = ["certificate", str(done / "reports/0001"), "--header", str(done / "bare.toml"), "--out", str(done / "new")]
     ran = CliRunner().invoke(app, [*words, "--dcc"])
     assert ran.exit_code == 0, ran.output
-    root = ET.parse(done / "new/certificate.xml").getroot()
+    root = parsed((done / "new/certificate.xml").read_bytes())
     for path in ("d:items/d:item/d:name", "d:calibrationLaboratory/d:contact/d:name", "d:customer/d:location"):
         assert text_of(root[0], path) == "not stated"
     assert text_of(root[0], "d:coreData/d:endPerformanceDate") == "2026-11-24"
@@ -237,7 +238,7 @@ def test_a_campaign_has_each_shot_and_its_days(tmp_path: Path) -> None:
     (tmp_path / "header.toml").write_text('number = "K-{campaign}"\ncountry = "SE"\n', encoding="utf-8")
     campaign(tmp_path / "reports", out=tmp_path / "autumn")
     certificate(tmp_path / "autumn", tmp_path / "header.toml", out=tmp_path / "certificate", dcc=True)
-    root = ET.parse(tmp_path / "certificate/certificate.xml").getroot()
+    root = parsed((tmp_path / "certificate/certificate.xml").read_bytes())
     days = [text_of(root[0], f"d:coreData/d:{name}PerformanceDate") for name in ("begin", "end")]
     assert days == ["2026-09-20", "2026-09-23"]
     results = root[1].findall(".//d:result", NS)
@@ -262,11 +263,11 @@ def test_a_hostile_text_is_spelled_and_the_file_stays_well_formed(made: Path) ->
     document["issued"] |= dict.fromkeys(("laboratory", "item", "number", "place", "order"), evil)
     document["rig"] = document["shots"][0]["shot"] = evil
     document["calibrations"][0]["serial"] = evil
-    root = ET.fromstring(dcc_bytes(sealed(document)))
+    root = parsed(dcc_bytes(sealed(document)))
     assert text_of(root[0], "d:items/d:item/d:name") == ("<b>&\"'\\x00\\x1b[2J\\u202e\\ud800\\ufffe\\uffff]]> tail")
     assert dcc_bytes(sealed(document)).startswith(b'<?xml version="1.0" encoding="UTF-8"?>\n')
     document["issued"]["item"] = " \n"
-    assert text_of(ET.fromstring(dcc_bytes(document))[0], "d:items/d:item/d:name") == "not stated"
+    assert text_of(parsed(dcc_bytes(document))[0], "d:items/d:item/d:name") == "not stated"
 
 
 def test_every_quantity_of_a_report_has_a_unit_of_the_d_si() -> None:
