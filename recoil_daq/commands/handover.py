@@ -67,8 +67,8 @@ def certificate(
         bool,
         typer.Option(
             "--dcc",
-            help="Write certificate.xml, too: a digital calibration certificate (PTB, schema 3.3.0), for programs of "
-            "who receives it. The header states the `country` of the laboratory.",
+            help="Write certificate.xml, too: a digital calibration certificate (PTB, schema 3.3.0), for the programs "
+            "of the customer. The header states the `country` of the laboratory.",
         ),
     ] = False,
     overwrite: OverwriteOption = False,

@@ -130,6 +130,7 @@ def test_a_dcc_says_what_the_certificate_says_with_every_digit(made: Path) -> No
     assert serials >= {one["serial"] for one in document["calibrations"] if one["serial"]}
     # the day is the header's: the files of this shot state none
     assert {one["in_force"] for one in document["calibrations"] if one["due"]} == {True}
+    assert "fired from" in (made / "certificate/certificate.html").read_text("utf-8")
     assert "day of the shot" not in text_of(measured, "d:measuringEquipments")
 
 
