@@ -12,6 +12,7 @@ from recoil_acquisition.files.strict_json import told_in_one_line
 from recoil_acquisition.numerics.linear_algebra import on_one_thread
 from recoil_acquisition.packages.extras import PDF
 from recoil_acquisition.shot.shot import InputFile
+from recoil_daq.certificates.dcc import DCC_FILE, SCHEMA_VERSION, dcc_bytes, refuse_without_facts
 from recoil_daq.certificates.signature import SUFFIX, Signer
 from recoil_daq.certificates.sources import Sources
 from recoil_daq.reports.forms import Forms
@@ -19,16 +20,20 @@ from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.report_folder import publish
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
-from recoil_identification.report.document.certificate_document import CERTIFICATE_FILE, Behind, certificate_document
+from recoil_identification.report.document.certificate_document import (
+    CERTIFICATE_FILE,
+    DCC,
+    Behind,
+    certificate_document,
+)
 from recoil_identification.report.document.report_files import json_bytes
 from recoil_identification.report.page.html import CERTIFICATE_PAGE, render_certificate_page
 from recoil_identification.report.paper.paper import CERTIFICATE_PDF, certificate_pdf
 from recoil_rigs.tables.issue import CAMPAIGN, SHOT, Issue, read_header
 
-SIGNED = (CERTIFICATE_FILE, CERTIFICATE_PDF)
-"""Files beside which a signature stands."""
-SIGNATURES = tuple(f"{name}{SUFFIX}" for name in SIGNED)
-FILES = (CERTIFICATE_FILE, CERTIFICATE_PAGE, CERTIFICATE_PDF, *SIGNATURES)
+SIGNED = (CERTIFICATE_FILE, CERTIFICATE_PDF, DCC_FILE)
+"""Files beside which a signature stands; the last one is written on request."""
+FILES = (CERTIFICATE_FILE, CERTIFICATE_PAGE, CERTIFICATE_PDF, DCC_FILE, *(f"{name}{SUFFIX}" for name in SIGNED))
 
 
 @dataclass(frozen=True, repr=False)
@@ -40,7 +45,7 @@ class Certified(Printed):
     document
         Contents of ``certificate.json``.
     folder
-        Folder that holds ``certificate.json``, ``.html`` and ``.pdf``, and the signatures.
+        Folder that holds ``certificate.json``, ``.html`` and ``.pdf``, the DCC, and the signatures.
     """
 
     document: dict[str, Any]
@@ -68,10 +73,11 @@ def certificate(
     out: str | Path = "certificate",
     sign: str | Path | None = None,
     sign_with: str = "",
+    dcc: bool = False,
     overwrite: bool = False,
     progress: Progress = lambda _: None,
 ) -> Certified:
-    """Make the certificate of a shot or of a campaign: ``certificate.json``, ``.html`` and ``.pdf``.
+    """Make the certificate of a shot or of a campaign: ``certificate.json``, ``.html``, ``.pdf``, on request ``.xml``.
 
     It is of the bytes of its sources and of the header alone: made again it is the same to the byte. Its date is the
     header's; where that states none, the certificate says so.
@@ -91,6 +97,8 @@ def certificate(
         ``sign``.
     sign_with
         Command of the user's own program that signs instead, with ``{file}`` and ``{signature}``.
+    dcc
+        Whether ``certificate.xml`` is written as well, see `recoil_daq.certificates.dcc`.
     overwrite
         Whether a certificate that is there is replaced.
     progress
@@ -117,19 +125,21 @@ def certificate(
     issued = issued_for(sources, stated, Path(header))
     forms = Forms.now(pdf=True, standalone=True)
     progress("draw")
-    document = certified(sources, issued, InputFile.of(Path(header)), forms, signer is not None)
+    document = certified(sources, issued, InputFile.of(Path(header)), forms, signer is not None, dcc)
     pages = certificate_pages(document, forms)
 
     def write(partial: Path) -> None:
         (partial / CERTIFICATE_FILE).write_bytes(json_bytes(document))
         (partial / CERTIFICATE_PAGE).write_text(pages.page, encoding="utf-8", newline="\n")
         (partial / CERTIFICATE_PDF).write_bytes(pages.pdf or b"")
-        for name in SIGNED:
+        for name, content in pages.besides.items():
+            (partial / name).write_bytes(content)
+        for name in signed_files(document):
             if signer is not None:
                 progress(f"sign {name}")
                 signer.sign(partial / name)
 
-    publish(folder, write, obsolete=SIGNATURES)
+    publish(folder, write, obsolete=FILES)
     return Certified(document, folder)
 
 
@@ -162,27 +172,53 @@ def issued_for(sources: Sources, stated: Issue, header: Path) -> Issue:
     return stated.over(other).named(kind, name)
 
 
-def certified(sources: Sources, issued: Issue, header: InputFile, forms: Forms, signed: bool) -> dict[str, Any]:
+def certified(
+    sources: Sources, issued: Issue, header: InputFile, forms: Forms, signed: bool, dcc: bool
+) -> dict[str, Any]:
     """Return the document of a certificate.
 
     Parameters
     ----------
-    signed
-        Whether signatures stand beside it.
+    signed, dcc
+        Whether signatures, and a DCC, stand beside it.
+
+    Raises
+    ------
+    ReadError
+        If something is missing that a certificate, or a DCC, states.
     """
     inputs = [*sources.inputs, {"file": header.name, "kind": Behind.HEADER, "sha256": header.sha256}]
     remedy = "an earlier version did not state all that a certificate has: identify the shots anew"
     with told_in_one_line("no certificate can be made of this document", sources.of.path, remedy=remedy):
-        return certificate_document(
+        document = certificate_document(
             sources.of.document, [one.document for one in sources.reports], issued, version=__version__, inputs=inputs,
-            drawn=forms.to_json(), signatures=SIGNATURES if signed else (),
+            drawn=forms.to_json(), dcc=SCHEMA_VERSION if dcc else None,
+            signatures=[f"{name}{SUFFIX}" for name in _files_to_sign(dcc)] if signed else (),
         )  # fmt: skip
+    if dcc:
+        refuse_without_facts(document, sources.of.path, header.name)
+    return document
+
+
+def signed_files(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the names of the files of a certificate that are signed where one is."""
+    return _files_to_sign(has_dcc(document))
+
+
+def has_dcc(document: Mapping[str, Any]) -> bool:
+    """Whether a certificate says that a DCC was written with it."""
+    return document["provenance"].get(DCC) is not None
+
+
+def _files_to_sign(dcc: bool) -> tuple[str, ...]:
+    return SIGNED if dcc else SIGNED[:-1]
 
 
 def certificate_pages(document: Mapping[str, Any], forms: Forms) -> Pages:
-    """Draw a certificate."""
+    """Draw a certificate, and write its DCC where it has one."""
     pdf = certificate_pdf(document) if forms.pdf else None
-    return Pages(CERTIFICATE_PAGE, render_certificate_page(document), CERTIFICATE_PDF, pdf, ())
+    besides = {DCC_FILE: dcc_bytes(document)} if has_dcc(document) else {}
+    return Pages(CERTIFICATE_PAGE, render_certificate_page(document), CERTIFICATE_PDF, pdf, (), besides=besides)
 
 
 def _signer(sign: str | Path | None, sign_with: str) -> Signer | None:

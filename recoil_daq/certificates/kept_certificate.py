@@ -9,7 +9,8 @@ from pathlib import Path
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.regular_file import require_name
 from recoil_acquisition.shot.shot import InputFile
-from recoil_daq.certificates.certificate import FILES, SIGNED, certificate_pages, certified
+from recoil_daq.certificates.certificate import FILES, certificate_pages, certified, has_dcc, signed_files
+from recoil_daq.certificates.dcc import DCC_FILE
 from recoil_daq.certificates.signature import NOBODY, SUFFIX, State, Trust
 from recoil_daq.certificates.sources import Sealed, Sources, candidates, found_by_digest
 from recoil_daq.reports.forms import Forms
@@ -104,7 +105,7 @@ class KeptCertificate(KeptDocument):
         if header is None or forms is None:
             raise ReadError("this certificate does not say of what it was made", path=self.path, remedy=self.anew)
         progress("draw")
-        document = certified(sources, self.issued, header, forms, bool(self.signatures))
+        document = certified(sources, self.issued, header, forms, bool(self.signatures), has_dcc(self.document))
         steps = (f"certificate of {of.name}, recoil-daq {self.document['provenance']['version']}",)
         return Again(document, {}, certificate_pages, steps, tuple(self._ingredients(path.parent, folders)))
 
@@ -114,10 +115,14 @@ class KeptCertificate(KeptDocument):
 
     def besides(self) -> tuple[Comparison, set[str]]:
         """Verify its signatures, and name all files of its folder that are known but for its drawings."""
-        return Comparison.of(self._signed()), {self.path.name, *FILES}
+        return Comparison.of([*self._unstated(), *self._signed()]), {self.path.name, *FILES}
+
+    def _unstated(self) -> Iterator[Difference]:
+        if not has_dcc(self.document) and (self.home / DCC_FILE).exists():
+            yield Difference(DCC_FILE, "a file", None)
 
     def _signed(self) -> Iterator[Difference | NotCompared | str]:
-        for name in SIGNED:
+        for name in signed_files(self.document):
             file, signature = self.home / name, self.home / f"{name}{SUFFIX}"
             expected = signature.name in self.signatures or self.trust != NOBODY
             if not signature.is_file():

@@ -63,6 +63,14 @@ def certificate(
             show_default=False,
         ),
     ] = "",
+    dcc: Annotated[
+        bool,
+        typer.Option(
+            "--dcc",
+            help="Write certificate.xml, too: a digital calibration certificate (PTB, schema 3.3.0), for the programs "
+            "of the customer. The header states the `country` of the laboratory.",
+        ),
+    ] = False,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -76,7 +84,9 @@ def certificate(
 
         try:
             with session.steps("certificate") as progress:
-                done = make(of, header, out=out, sign=sign, sign_with=sign_with, overwrite=overwrite, progress=progress)
+                done = make(
+                    of, header, out=out, sign=sign, sign_with=sign_with, dcc=dcc, overwrite=overwrite, progress=progress
+                )
         except IdentificationError as error:
             if error.code != ErrorCode.NOT_VALID:
                 raise

@@ -104,9 +104,10 @@ class Drawings:
             for name, vector, picture in zip(files[::2], svg, png, strict=True):
                 found.append(self._file(name, vector.encode("utf-8"), loose))
                 found.append(self._file(f"{name[:-4]}.png", picture, of_typst, missing))
+        found += [self._file(name, content, loose) for name, content in drawn.besides.items()]
         if not forms.standalone:
             found += self._script(forms)
-        return Comparison.of(found), frozenset((self.page, self.pdf, *files))
+        return Comparison.of(found), frozenset((self.page, self.pdf, *files, *drawn.besides))
 
     def _file(self, name: str, content: bytes | None, loose: str, missing: str = "") -> Difference | NotCompared | str:
         """Compare a file with what it should hold: its name if it does.

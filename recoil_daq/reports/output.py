@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
@@ -32,6 +32,8 @@ class Pages:
         Figures of the page, in reading order.
     prefix
         Beginning of the names of the figures' own files; empty where no other page of the folder has any.
+    besides
+        Bytes of further files that say the same for other readers, by name.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Pages:
     pdf: bytes | None
     figures: Sequence[Figure]
     prefix: str = ""
+    besides: Mapping[str, bytes] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -36,4 +36,7 @@ def print_certificate(document: Mapping[str, Any], folder: Path) -> None:
     if uncovered:
         say(f"not in force on the day of firing: the calibrations of {', '.join(uncovered)}")
     signed = ", signed" if document["provenance"]["signatures"] else ""
-    say(f"-> {folder / 'certificate.pdf'}{signed}; check it with `recoil-daq explain {quoted(folder)} --check`")
+    digital = " and certificate.xml" if document["provenance"].get("dcc") else ""
+    say(
+        f"-> {folder / 'certificate.pdf'}{digital}{signed}; check it with `recoil-daq explain {quoted(folder)} --check`"
+    )

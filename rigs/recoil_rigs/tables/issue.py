@@ -39,7 +39,7 @@ SIMPLE, GUARD_BAND = "simple", "guard band"
 """Names of decision rules: the measured value alone counts, or it keeps the distance U from a limit."""
 USUAL_RULE = 0.95
 """Decision rule where none is stated: the probability from which on a mass is said to conform."""
-OF_ONE_DOCUMENT = ("number", "issue", "date", "approval", "concession", "replaces")
+OF_ONE_DOCUMENT = ("number", "issue", "date", "approval", "concession", "replaces", "fired_from", "fired_until")
 """Keys that are one document's: no other one takes them over."""
 SHOT, CAMPAIGN = "{shot}", "{campaign}"
 """Words of a number that stand for the name of the shot, and of the campaign's folder."""
@@ -72,6 +72,8 @@ class Issue(DeclaredTable):
 
     laboratory: Text | None = None
     """Laboratory that issues the report, with its address."""
+    country: Text | None = None
+    """Country of the laboratory, two letters of ISO 3166-1 such as "DE"; `certificate --dcc` asks for it."""
     customer: Text | None = None
     """Customer for whom the mass was found."""
     order: Text | None = None
@@ -94,6 +96,10 @@ class Issue(DeclaredTable):
     """Item that was tested: what it is, its number, and its condition."""
     received: _Date | None = None
     """Date of receipt of the item, such as 2026-11-20."""
+    fired_from: _Date | None = None
+    """First day of firing, such as 2026-11-24, where the files of the shots do not state it."""
+    fired_until: _Date | None = None
+    """Last day of firing; the first one if left out."""
     remark: Text | None = None
     """Sentence that the reader should see."""
     logo: Text | None = None
@@ -120,6 +126,10 @@ class Issue(DeclaredTable):
             found.append(("tolerance_kg", f"must be [lower, upper] about the specification, {example}"))
         found += [("decision_rule", problem) for problem in _faults_of_rule(self.decision_rule)]
         found += [("number", problem) for problem in _faults_of_number(self.number)]
+        if self.country is not None and not re.fullmatch("[A-Z]{2}", self.country):
+            found.append(("country", f'must be two letters of ISO 3166-1 such as "DE"; found {self.country!r}'))
+        if self.fired_until is not None and not (self.fired_from and self.fired_from <= self.fired_until):
+            found.append(("fired_until", "must be a day on or after `fired_from`, which is stated with it"))
         found += [("units", problem) for problem in _faults_of_units(self.units or ())]
         if self.logo is not None and (problem := _fault_of_logo(self.logo)):
             found.append(("logo", problem))

@@ -17,13 +17,13 @@ from recoil_rigs.tables.specification import mass_decimals
 Document = Mapping[str, Any]
 Tone = Literal["ok", "doubt", "bad"]
 IDENTITY = (
-    "laboratory", "customer", "order", "number", "issue", "date", "replaces", "approval", "item", "received", "place",
-    "operator", "remark",
+    "laboratory", "customer", "order", "number", "issue", "date", "replaces", "approval", "item", "received",
+    "fired_from", "fired_until", "place", "operator", "remark",
 )  # fmt: skip
 """Keys of the identity of a document, in the order in which they are read."""
 LABELS = {
     "date": "date of issue", "approval": "authorized by", "item": "item tested", "received": "item received",
-    "place": "place of the test", "operator": "tested by",
+    "fired_from": "fired from", "fired_until": "fired until", "place": "place of the test", "operator": "tested by",
 }  # fmt: skip
 """Keys of the identity that have other words on page and paper."""
 PEAKS = "Peaks"

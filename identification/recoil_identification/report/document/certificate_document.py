@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from enum import StrEnum
+from itertools import chain
 from typing import Any
 
 from recoil_acquisition.remark import Severity
@@ -25,6 +26,8 @@ Document = Mapping[str, Any]
 
 CERTIFICATE_FILE = "certificate.json"
 SCHEMA = "recoil-daq/certificate/1"
+DCC = "dcc"
+"""Key of the provenance: version of the schema of the DCC that was written with it; not there where none was."""
 LARGEST_CERTIFICATE = 8_000_000
 """Bytes of a certificate.json, beyond which it is none."""
 
@@ -60,6 +63,7 @@ def certificate_document(
     inputs: Sequence[Mapping[str, Any]],
     drawn: Mapping[str, Any],
     signatures: Sequence[str] = (),
+    dcc: str | None = None,
 ) -> dict[str, Any]:
     """Build a certificate, JSON types only.
 
@@ -79,6 +83,8 @@ def certificate_document(
         Forms in which it is drawn.
     signatures
         Names of the signatures that are made beside it.
+    dcc
+        Version of the schema of the DCC that is written with it; None where none is.
 
     Raises
     ------
@@ -116,7 +122,7 @@ def certificate_document(
             expanded_kg=mass["U_kg"],
         ),
         "shots": _shots(source, by_name) if of_campaign else [_shot(source)],
-        "calibrations": _calibrations(source, by_name),
+        "calibrations": _calibrations(source, by_name, issued),
         "deviations": [*_deviations(reports), *(str(one["detail"]) for one in source.get("set_aside") or ())],
         "assumed": list(assumption_lines(source.get("assumptions") or ())),
         "statement": RELATES,
@@ -127,6 +133,7 @@ def certificate_document(
             "computer": computer(),
             "inputs": [dict(one) for one in inputs],
             "signatures": list(signatures),
+            **({} if dcc is None else {DCC: dcc}),
             "outputs": [],
             "parameters": {},
             DRAWN: dict(drawn),
@@ -196,11 +203,12 @@ def _peaks(report: Document) -> list[dict[str, Any]]:
 
 def _shot(report: Document) -> dict[str, Any]:
     """State what a shot was, and that it is the one that counts."""
-    log = report.get("shot_log") or {}
+    log, day = report.get("shot_log") or {}, _day(report)
     return {
         "shot": str(report["shot"]),
         "started": report.get("started"),
         "started_source": report.get("started_source"),
+        "fired_on": None if day is None else day.on.isoformat(),
         "configuration": str(log.get("configuration") or ""),
         "added_mass_kg": float(log.get("added_mass_kg") or 0.0),
         "u_added_mass_kg": float(log.get("u_added_mass_kg") or 0.0),
@@ -224,16 +232,16 @@ def _shots(answer: Document, by_name: Mapping[str, Document]) -> list[dict[str, 
     ]
 
 
-def _calibrations(source: Document, by_name: Mapping[str, Document]) -> list[dict[str, Any]]:
+def _calibrations(source: Document, by_name: Mapping[str, Document], issued: Issue) -> list[dict[str, Any]]:
     """State the calibration of each channel's sensor, and whether it was in force on the day of each of its shots."""
     found = []
     for one in source.get("channels") or ():
         if not one["role"]:
             continue
         shots = [str(name) for name in one.get("shots", by_name)]
-        days = [_day(by_name[name]) for name in shots]
+        days = [_days(by_name[name], issued) for name in shots]
         faults = [
-            fault for day in days if day is not None
+            fault for day in chain.from_iterable(days)
             for fault in day.faults(_date(one["calibrated"]), _date(one["due"])) if fault
         ]  # fmt: skip
         told = one["calibrated"] is not None and one["due"] is not None and all(days)
@@ -257,6 +265,14 @@ def _day(fired: Document) -> CalibrationDay | None:
     """Return the day on which a shot was fired, by its files or by a person; None where nothing states it."""
     day = CalibrationDay.of_report(fired)
     return None if day is None or day.of is DayOf.INGEST else day
+
+
+def _days(fired: Document, issued: Issue) -> list[CalibrationDay]:
+    """Return the day on which a shot was fired; where it states none, the first and the last one of the header."""
+    if (day := _day(fired)) is not None:
+        return [day]
+    stated = dict.fromkeys(on for on in (issued.fired_from, issued.fired_until) if on is not None)
+    return [CalibrationDay(on, DayOf.GIVEN) for on in stated]
 
 
 def _date(text: str | None) -> dt.date | None:
