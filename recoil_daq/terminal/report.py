@@ -103,7 +103,7 @@ def print_mass(document: Mapping[str, Any], folder: Path) -> None:
 
     d, places = document, mass_decimals(document["mass"]["u"])
     added_kg = (d.get("shot_log") or {}).get("added_mass_kg") or 0.0
-    added = f", {added_kg:g} kg added" if added_kg else ""
+    added = f", {abs(added_kg):g} kg {'added' if added_kg > 0 else 'taken off'}" if added_kg else ""
     mass, e_n = d["mass"], d["E_n"]
     off_kg = None if mass["value"] is None else mass["value"] - mass["specification"]
     agrees = "" if e_n is None else ": they agree" if abs(e_n) <= 1.0 else ": they do not agree"

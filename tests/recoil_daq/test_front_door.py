@@ -61,7 +61,9 @@ def test_a_result_is_one_line_all_lines_or_a_page(done: tuple[Ingested, Reported
     assert repr(acceleration) == "Channel('acc_recoil': acceleration in m/s^2, 25000 at 50000 Hz on 'dewetron')"
     assert repr(recording) == "Recording('0001_dewetron.csv': 8 signals, Dewesoft text export)"
     assert "USABLE" in str(ingested)
-    assert str(report) in run("identify", ingested.path, "--out", report.folder.parent, "--overwrite").output
+    assert (
+        str(report) in run("identify", "--verbose", ingested.path, "--out", report.folder.parent, "--overwrite").output
+    )
     page = report._repr_html_()
     assert page.startswith("<pre")
     assert "VALID" in page

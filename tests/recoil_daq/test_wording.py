@@ -19,7 +19,7 @@ from tests.builders.virtual_shots import SHORTER, with_twin
 
 WORDED_ANEW = "\u2020"
 """Stands in every text that was worded anew."""
-OF_TEXTS = ("digest", "sha256", "size", "elapsed_s", "time_s", "at")
+OF_TEXTS = ("digest", "sha256", "seal", "size", "elapsed_s", "time_s", "at")
 """Keys of what texts, or the moment of a run, change; "at" is where a figure stands in its text."""
 WORDS = ("problem", "expected", "found", "remedy", "detail", "text")
 """Keys of texts that may be of one word."""

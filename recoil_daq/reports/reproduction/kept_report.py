@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -107,9 +108,11 @@ class Kept(KeptDocument):
         Shot log, rig file and header file go on, and what they said is in the report.
         """
         lasting = [one for one in self.inputs if one.source not in BESIDE]
-        shot_file = found_shot_file(self, folders)
-        # found under another name: another file may bear its own
-        around = [*folders, shot_file.parent] if shot_file.name != self.shot_file.name else folders
+        around = list(folders)
+        with suppress(ReadError):  # where it is not found, or is another one, that is said elsewhere
+            shot_file = found_shot_file(self, folders)
+            # found under another name: another file may bear its own
+            around += [shot_file.parent] if shot_file.name != self.shot_file.name else []
         return digest_differences(
             (folder / one.name, (one.sha256,), one.sha256) for one in lasting for folder in around
         )

@@ -58,8 +58,8 @@ def test_the_specification_and_each_shots_own_verdict_stand_beside_the_mass(repo
     ):
         assert text in head
     assert f"1.96 of the interval, U = {mass['U_kg']:.2f}" in page
-    assert page.count(">not valid</td>") == 1
-    assert page.count(">valid</td>") == 3
+    assert page.count(">not valid</span>") == 1
+    assert page.count(">valid</span>") == 3
 
 
 @pytest.mark.whole_way

@@ -88,7 +88,7 @@ def test_a_faulty_log_keeps_no_shot_from_being_written(run, field_shot: TwinShot
     ]
     assert log.read_text(encoding="utf-8") == text
     assert (tmp_path / "0001.h5").exists()
-    result = run("identify", tmp_path / "0001.h5", "--out", tmp_path / "reports")
+    result = run("identify", "--verbose", tmp_path / "0001.h5", "--out", tmp_path / "reports")
     assert result.exit_code == 3
     assert "line 2, column added_mass_kg: no number" in result.output
     assert not (tmp_path / "reports").exists()
@@ -194,7 +194,7 @@ def test_log_refuses_what_it_cannot_set(run, shots: Path, words, code, said) -> 
 @pytest.mark.whole_way
 def test_the_specification_is_what_was_fired(run, shots: Path, identified, tmp_path: Path) -> None:
     written(shots, "shot;configuration;added_mass_kg;u_added_mass_kg;exclude;crew\r\n1;ring;-12,5;0,3;warm-up;B\r\n")
-    result = run("identify", shots / "0001.h5", "--out", tmp_path)
+    result = run("identify", "--verbose", shots / "0001.h5", "--out", tmp_path)
     document = json.loads((tmp_path / "0001" / "report.json").read_text(encoding="utf-8"))
     plain = identified.report
     assert document["shot_log"] == {
