@@ -51,7 +51,7 @@ class RangeDay:
     first
         Number of the first shot.
     seed
-        Seed of the first shot; the next has the next.
+        Seed of the first shot; the next has the next. All share their sensors, as shots of a day do.
     silence_before_s, silence_after_s
         Silence before and after each shot.
     **play
@@ -79,9 +79,12 @@ class RangeDay:
         self._drop_into = drop_into
         try:
             self.shots: tuple[TwinShot, ...] = tuple(
-                simulate_shot(rig, Path(self._folder.name) / f"{first + k:04d}", seed=seed + k, shot=f"{first + k:04d}")
+                simulate_shot(
+                    rig, Path(self._folder.name) / f"{first + k:04d}", seed=seed + k, shot=f"{first + k:04d}",
+                    campaign_seed=seed,
+                )
                 for k in range(shots)
-            )
+            )  # fmt: skip
             self.player = TwinPlayer(
                 rig, self.shots, silence_before_s=silence_before_s, silence_after_s=silence_after_s, seed=seed, **play
             )
