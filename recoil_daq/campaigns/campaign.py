@@ -230,7 +230,8 @@ def campaign(
     if results:
         of_files = {
             "log": log, "cutoff_hz": cutoff_hz, "rig": rig, "workers": workers, "executor": executor, "pdf": pdf,
-            "figures": figures, "header": header, "history": history,
+            "figures": figures, "standalone": standalone, "overwrite": overwrite, "header": header, "history": history,
+            "reports": reports != "reports", "out": out != "campaign",
         }  # fmt: skip
         if stated_too := [name for name, value in of_files.items() if value not in (None, False)]:
             raise ValueError(f"{', '.join(stated_too)}: of files alone, not of results in memory")

@@ -64,8 +64,9 @@ def test_a_report_is_explained_with_the_numbers_that_it_states(kept: Path) -> No
     assert {part.label: part.value for part in shown["mass"].parts}["value"] == stated["mass"]["value"]
     assert {part.label for part in shown["peaks"].parts} == set(stated["peaks"])
     # the code is another one: it must not say that they come again to the last bit
-    assert told.entries
-    assert told.again or told.comparison.differences
+    if "peaks_degrees_of_freedom" not in stated:
+        assert not told.again
+        assert told.comparison.differences
 
 
 def test_a_report_comes_back_as_a_result(kept: Path) -> None:

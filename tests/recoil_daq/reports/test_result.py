@@ -231,6 +231,8 @@ def test_results_in_memory_make_the_campaign_of_their_files(tmp_path: Path) -> N
     assert table["u_impulse_n_s"].notna().all()
     with pytest.raises(ValueError, match="log: of files alone"):
         campaign([identify(one) for one in shots], log=tmp_path)  # type: ignore[call-overload]
+    with pytest.raises(ValueError, match="out: of files alone"):
+        campaign([identify(one) for one in shots], out=tmp_path)  # type: ignore[call-overload]
 
 
 def test_the_peaks_are_a_table_with_their_uncertainties(result: Result) -> None:

@@ -35,6 +35,15 @@ def at_once(day: RangeDay, **failures: BaseException) -> RangeDay:
     return day
 
 
+@pytest.mark.whole_way
+def test_the_shots_of_a_day_share_their_sensors_and_nothing_else(incoming: Path) -> None:
+    with RangeDay(RIG, 2, incoming) as day:
+        first, second = (shot.truth for shot in day.shots)
+    assert first["gains"] == second["gains"]
+    assert first["seed"] != second["seed"]
+    assert first["clocks"] != second["clocks"]
+
+
 def test_a_file_that_cannot_be_dropped_is_said(incoming: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(range_day, "PIECE_EVERY_S", 0.0)
     with RangeDay(RIG, 1, incoming) as day:
