@@ -19,6 +19,7 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.remark import Caution, CautionCode
 from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from recoil_acquisition.shot.shot import ClockAlignment, Shot
+from recoil_processing.alignment.absolute_alignment import WARNED
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.quality.loss_checks import GAP_STEPS
@@ -106,7 +107,7 @@ def check_shot(
     shifts = [check for alignment in alignments for check in _zero_shift(alignment, fired.shot, onset)]
     recoil = None if once and onset is None else recoil_of(lean, by_clock)
     checks += _channels(fired, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
-    checks += [_alignment_check(alignment) for alignment in alignments]
+    checks += [alignment_check(alignment) for alignment in alignments]
     checks = _with_gaps_named(checks, fired, alignments)
     checks += shifts
     checks += check_sensors(fired, alignments)
@@ -285,13 +286,20 @@ def _against_camera(
     return [] if outcome is None else [(Check.VELOCITY, outcome)]
 
 
-def _alignment_check(a: ClockAlignment) -> QualityCheck:
+def alignment_check(a: ClockAlignment) -> QualityCheck:
+    """Judge a clock's alignment, and say by what it is, and what a second opinion on it gives."""
     if a.status == "failed":
         return QualityCheck(a.clock, Check.ALIGNMENT, "fail", worded(f"by {a.method}: ", joined("; ", a.reasons)))
     offset = f"offset {1e3 * a.offset_s:+.4f} ms, u {1e6 * a.u_offset_s:.1f} us"
     text = f"{offset}, drift {1e6 * a.drift:+.1f} ppm, by {a.method}"
     if a.status == "ambiguous":
         return QualityCheck(a.clock, Check.ALIGNMENT, "warn", worded(f"{text}; ambiguous: ", joined("; ", a.reasons)))
+    details = a.details or {}
+    if WARNED in details:
+        return QualityCheck(a.clock, Check.ALIGNMENT, "warn", f"{text}; {details[WARNED]}")
+    if "second_apart_s" in details:
+        apart, u = (1e6 * float(details[key]) for key in ("second_apart_s", "u_second_s"))
+        text += f"; {details['second_method']} gives {apart:+.1f} us from it, u {u:.1f} us"
     return QualityCheck(a.clock, Check.ALIGNMENT, "ok", text)
 
 
