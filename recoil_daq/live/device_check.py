@@ -55,8 +55,8 @@ class ChannelHeard:
     noise_of_range
         Noise as a share of the channel's range; None where none is declared.
     stamped_by
-        Clock that stamped the samples: the ``adapter`` or the ``sensor`` by its own, the ``kernel`` at the arrival, or
-        the ``host`` when it reads; empty if nothing came.
+        Clock that stamped the samples: that of ``hardware``, ``adapter`` or ``sensor``, the ``kernel`` at the arrival,
+        or the ``host`` when it reads; empty if nothing came.
     triggers
         Conditions of the rig's trigger on the channel, over what was heard.
     """

@@ -11,12 +11,12 @@ from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.report import print_conformity, print_results
 from recoil_daq.terminal.tables import print_table, say
 from recoil_identification.campaign.signal_kind import SignalKind
-from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.content.campaign_tables import (
     IN_U,
     agreement,
     charted,
     constancy,
+    coverage_factor_of,
     looks_asked_for,
     unchanged,
     unread_force,
@@ -105,7 +105,7 @@ def print_campaign(document: Mapping[str, Any], folder: Path | None) -> None:
     line = Text("VALID" if d["valid"] else "NOT VALID", style="bold green" if d["valid"] else "bold red")
     line.append(
         f" mass {mass['value']:.{places}f} kg, u {mass['u']:.{places}f} kg, U {expanded_kg(mass):.{places}f} kg "
-        f"(k = {COVERAGE_FACTOR:.2f}), 95 %: {low:.{places}f} to {high:.{places}f} kg, from {used} of "
+        f"(k = {coverage_factor_of(d):.2f}), 95 %: {low:.{places}f} to {high:.{places}f} kg, from {used} of "
         f"{len(d['shots'])} shots{page}",
         style="default not bold",
     )

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from recoil_identification.campaign.influence import source_of
-from recoil_identification.shot.shot_summary import OF_RIG
+from recoil_identification.shot.shared_identity import OF_RIG, source_of
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from tests.builders.virtual_shots import identified
 

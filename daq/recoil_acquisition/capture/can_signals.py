@@ -108,6 +108,7 @@ class CanSignals:
                 self._wanted.setdefault(one.key, []).append((channel, one.layout, one.layouts))
             self._senders[one.key] = database.sender_of(one)
         self._held_back = HeldBack()
+        self._clock: int | None = None
         self._latest_s = -np.inf
 
     def feed(self, block: Block) -> list[LiveSamples]:
@@ -141,19 +142,25 @@ class CanSignals:
         return samples
 
     def _late_s(self, records: NDArray[np.void]) -> Array:
-        """Return by how much frames were held back before they came, where the interface stamps them."""
-        if not (records["flags"] & can_rows.DEVICE_TIME != 0).all():
+        """Return by how much frames were held back before they came, where one clock of the interface stamps them."""
+        clock = can_rows.clock_of(records["flags"])
+        if clock is None:
             return np.zeros(records.size)
+        if clock != self._clock:  # what is known is of the other one
+            self._clock, self._held_back = clock, HeldBack()
         return self._held_back.late_s(np.maximum.accumulate(records["host_ns"]), records["device_ns"])
 
     def skip(self) -> None:
         """Do nothing: a block holds whole frames."""
 
     def stamped_by(self, blocks: Sequence[Block]) -> str:
-        """Return which clock stamped the frames: the ``adapter`` its own, the ``kernel`` or the ``host``."""
+        """Return which clock stamped the frames: the ``hardware``, the ``adapter``, the ``kernel`` or the ``host``."""
         rows = [can_rows.parse_rows(block.payload)["flags"] for block in blocks if block.kind == CAN]
-        if not rows or not (np.concatenate(rows) & can_rows.DEVICE_TIME != 0).all():
+        clock = can_rows.clock_of(np.concatenate(rows)) if rows else None
+        if clock is None:
             return "host"
+        if clock & can_rows.HARDWARE_TIME:
+            return "hardware"
         return "kernel" if self._interface in KERNEL_STAMPED else "adapter"
 
     def unheard(self, channel: LiveChannel, counters: Counters) -> str:

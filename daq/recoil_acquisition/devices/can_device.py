@@ -25,6 +25,7 @@ from typing import Any
 
 from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.device import CAN, Block, Counters, EmptyLook
+from recoil_acquisition.devices.hardware_stamps import StampedSocket, stamp_by_hardware
 from recoil_acquisition.devices.kernel_drops import GrowingCount, dropped_by_can_link, dropped_by_udp_socket
 from recoil_acquisition.devices.open_fault import open_fault
 from recoil_acquisition.devices.reopening import GRACE_S, ReopenedDevice
@@ -98,7 +99,7 @@ HOST_STAMPED = ("slcan", "iscan", "robotell")
 """Interfaces whose driver stamps a frame with the wall clock when it reads it: no clock of the device."""
 
 KERNEL_STAMPED = ("socketcan", "udp_multicast")
-"""Interfaces whose frames the kernel stamps when they arrive, before the driver reads them."""
+"""Interfaces whose frames the kernel stamps when they arrive, before the driver reads them, if no hardware does."""
 
 BLOCK_S = 0.01
 """Longest time over which frames are gathered into one block."""
@@ -166,6 +167,7 @@ class CanDevice(ReopenedDevice):
         self._buffer = bytearray(BLOCK_FRAMES * can_rows.ROW_SIZE)
         self._bad = self._error_frames = self._unreported = self._reported_ns = 0
         self._drops = GrowingCount()
+        self._hardware: StampedSocket | None = None
         self._numbers: dict[object, int] | None = {} if delivers_several_buses(table) else None
         if self._numbers is not None and isinstance(bus, str):
             self._number(bus)
@@ -207,6 +209,7 @@ class CanDevice(ReopenedDevice):
         self._look = EmptyLook()
         bus = can.Bus(interface=self._interface, ignore_config=True, **self._options)
         enlarge_queue(bus)
+        self._hardware = stamp_by_hardware(bus) if self._interface == "socketcan" else None
         self._driver = bus
         self._drops.restart()
         self._look_for_drops()
@@ -232,7 +235,7 @@ class CanDevice(ReopenedDevice):
         if bus is None or self._ahead:
             return None
         count = errors = at_once = in_a_row = 0
-        stamped = self._stamped_by_device
+        stamped, hardware = self._stamped_by_device, self._hardware
         # what waits already is asked for first: the bus is known to be empty only where nothing does
         ends_ns, wait_s, looking = 0, 0.0, True
         before_ns = host_ns = now()
@@ -272,6 +275,9 @@ class CanDevice(ReopenedDevice):
                 continue
             channel = self._number(message.channel)
             stamp_ns = round(message.timestamp * 1e9)
+            if hardware is not None and hardware.hardware_ns:
+                stamp_ns = hardware.hardware_ns
+                flags |= can_rows.HARDWARE_TIME
             place = count * can_rows.ROW_SIZE
             pack(buffer, place, stamp_ns, host_ns, message.arbitration_id, flags, channel, length, data)
             count += 1

@@ -38,7 +38,11 @@ SENT = 0x040
 """Flag of a frame that this host sent."""
 DEVICE_TIME = 0x080
 """Flag of a stamp that comes from the interface or the kernel, not from the driver's own look at the wall clock."""
-KNOWN_FLAGS = 0x0FF
+HARDWARE_TIME = 0x100
+"""Flag of such a stamp that the controller of a kernel's interface gave, not the kernel."""
+STAMPED = DEVICE_TIME | HARDWARE_TIME
+"""Flags that say which clock stamped a row."""
+KNOWN_FLAGS = 0x1FF
 
 LONGEST = 64
 """Most bytes of data in a frame."""
@@ -63,3 +67,9 @@ ROW = struct.Struct(f"<qqIHBB{LONGEST}s")
 def parse_rows(content: bytes) -> NDArray[np.void]:
     """Return the whole rows at the beginning of some bytes, shape (n_rows,)."""
     return np.frombuffer(content, dtype=ROW_DTYPE, count=len(content) // ROW_SIZE)
+
+
+def clock_of(flags: NDArray[np.uint16]) -> int | None:
+    """Return the flags of the one clock that stamped all of some rows; None where it is the host's, or not one."""
+    stamps = flags & STAMPED
+    return int(stamps[0]) or None if stamps.size and (stamps == stamps[0]).all() else None

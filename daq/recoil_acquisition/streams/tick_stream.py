@@ -28,7 +28,7 @@ class TickChannel:
     step
         Ticks from one sample to the next; 0 where each sample has a tick of its own.
     said
-        What else the instrument says of it, such as its range or its filter, in its own words.
+        Further words that the instrument says of it, such as its range or its filter, in its own words.
     """
 
     name: str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from recoil_acquisition.remark import Note, Reason
@@ -21,7 +21,7 @@ from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.next_steps import NextStep, next_steps
 from recoil_identification.campaign.peaks import PeakOfShots
 from recoil_identification.campaign.suspects import SharedSuspicion
-from recoil_identification.estimate.budget import COVERAGE_FACTOR, BudgetRow, effective_degrees_of_freedom
+from recoil_identification.estimate.budget import BudgetRow, coverage_factor, effective_degrees_of_freedom
 from recoil_identification.estimate.rounding import in_kg
 from recoil_identification.inference.estimate import residual_against_none
 from recoil_rigs.tables.specification import Specification
@@ -29,20 +29,43 @@ from recoil_rigs.tables.specification import Specification
 
 @dataclass(frozen=True)
 class Estimated:
-    """A mass and its standard uncertainty."""
+    """A mass, its standard uncertainty, and how well that is known.
+
+    Attributes
+    ----------
+    degrees_of_freedom
+        Degrees of freedom of `u_kg` by what is known beforehand, see `known_to`.
+    """
 
     mass_kg: float
     u_kg: float
+    degrees_of_freedom: float = math.inf
+
+    @property
+    def coverage_factor(self) -> float:
+        """Factor on the standard uncertainty for the 95 % interval."""
+        return coverage_factor(max(self.degrees_of_freedom, 1.0))
 
     @property
     def expanded_kg(self) -> float:
-        """Half the width of the 95 % interval, with the coverage factor of the normal distribution."""
-        return COVERAGE_FACTOR * self.u_kg
+        """Half the width of the 95 % interval."""
+        return self.coverage_factor * self.u_kg
 
     @property
     def interval_kg(self) -> tuple[float, float]:
         """The 95 % interval."""
         return self.mass_kg - self.expanded_kg, self.mass_kg + self.expanded_kg
+
+
+def known_to(budget: Sequence[BudgetRow]) -> float:
+    """Return the degrees of freedom by which a mass of many shots has its coverage factor; may be infinite.
+
+    They are those of what is known beforehand alone: its u is averaged over all scatters that the shots allow, and has
+    in it already that few shots hardly tell how much they scatter.
+    """
+    return effective_degrees_of_freedom(
+        [replace(row, degrees_of_freedom=math.inf) if row.kind == "A" else row for row in budget]
+    )
 
 
 @dataclass(frozen=True)
@@ -231,12 +254,8 @@ class Campaign:
 
     @property
     def degrees_of_freedom(self) -> float:
-        """Effective degrees of freedom of the standard uncertainty, by the budget; may be infinite.
-
-        The interval does not take Student's t by them: u is of all scatters that the shots allow, averaged, and has in
-        it already that few shots hardly tell how much they scatter.
-        """
-        return effective_degrees_of_freedom(self.budget)
+        """Effective degrees of freedom of its standard uncertainty, see `known_to`."""
+        return self.mass.degrees_of_freedom
 
     @cached_property
     def next_steps(self) -> Advised[NextStep]:

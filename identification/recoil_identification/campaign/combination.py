@@ -11,7 +11,7 @@ import numpy as np
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.numerics.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
-from recoil_identification.calibration.suspicion import AS_WELL, LITTLE
+from recoil_identification.calibration.suspicion import AS_WELL, LITTLE, UNSTATED
 from recoil_identification.campaign.agreement import agreement_of, weighed
 from recoil_identification.campaign.campaign import (
     Campaign,
@@ -20,6 +20,7 @@ from recoil_identification.campaign.campaign import (
     Mechanism,
     UnreadForce,
     Used,
+    known_to,
     specifications,
 )
 from recoil_identification.campaign.campaign_shot import CampaignShot, doubted_signs, in_order
@@ -41,6 +42,7 @@ from recoil_identification.campaign.mechanisms import mechanisms_of
 from recoil_identification.campaign.peaks import apart_percent, peaks_of_shots
 from recoil_identification.campaign.suspects import SharedSuspicion, shared_suspicion
 from recoil_identification.campaign.suspicion import CERTIFIED, WRITTEN, Suspicion
+from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.estimate.rounding import in_kg
 from recoil_identification.rows.unread_resistance import SHARE
 from recoil_identification.shot.shot_summary import LN_MASS
@@ -264,19 +266,20 @@ def _mechanisms(fit: JointFit, suspicion: SharedSuspicion | None) -> tuple[Mecha
         Mechanism(
             name,
             tuple(shot.name for shot, of in zip(rows.shots, rows.mechanism.tolist(), strict=True) if of == number),
-            _averaged(fit.mass_kg(name), None if suspicion is None else suspicion.moved(number)),
+            _averaged(fit, name, None if suspicion is None else suspicion.moved(number)),
             None if number == 0 else Estimated(*fit.difference_kg(name, rows.mechanisms[0])),
         )
         for number, name in enumerate(rows.mechanisms)
     )
 
 
-def _averaged(mass: tuple[float, float], moved: tuple[float, float] | None) -> Estimated:
-    mass_kg, u_kg = mass
-    if moved is None:
-        return Estimated(mass_kg, u_kg)
-    mean_rel, variance_rel = moved
-    return Estimated(mass_kg * (1.0 + mean_rel), math.hypot(u_kg, mass_kg * math.sqrt(variance_rel)))
+def _averaged(fit: JointFit, mechanism: str, moved: tuple[float, float] | None) -> Estimated:
+    budget = fit.budget(mechanism)
+    mass_kg, u_kg = fit.mass_kg(mechanism)
+    mean_rel, variance_rel = (0.0, 0.0) if moved is None else moved
+    unstated = BudgetRow(UNSTATED, mass_kg * math.sqrt(variance_rel), "B", scope="rig")
+    freedom = known_to([*budget, unstated])
+    return Estimated(mass_kg * (1.0 + mean_rel), math.hypot(u_kg, unstated.u_kg), freedom)
 
 
 def _beside_what_nobody_stated(rows: JointRows) -> tuple[JointRows, JointFit]:

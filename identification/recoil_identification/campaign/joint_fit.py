@@ -193,9 +193,9 @@ class JointFit(ReadOnlyArrays):
         """Return what a mechanism's mass is uncertain by, from each influence and at random.
 
         Averaged over the trials as the covariance is; how far the masses under them lie apart counts as random. The
-        shapes of the force that no gauge reads are one force. What is known beforehand is taken as known; what is
-        random has as many degrees of freedom as its variance spreads over the trials, ``2 (v / u(v))^2`` (JCGM
-        100:2008, G.3).
+        shapes of the force that no gauge reads are one force, whose size is averaged over as well. What is known
+        beforehand has the degrees of freedom that the shots' reports state of it; what is random has as many as its
+        variance spreads over the trials, ``2 (v / u(v))^2`` (JCGM 100:2008, G.3).
         """
         mass_kg, u_kg = self.mass_kg(mechanism)
         name = self.rows.masses[self.rows.mechanisms.index(mechanism)]
@@ -206,6 +206,7 @@ class JointFit(ReadOnlyArrays):
         for of_weight, (_, u_added_kg) in zip(self.rows.added, self.rows.weights, strict=True):
             sources[of_weight] = (of_weight, u_added_kg, "kg", 1.0)
         scopes = {one.name: one.scope for one in self.rows.all_unknowns}
+        known_to = {one.identity: one.degrees_of_freedom for one in self.rows.influences}
         at = self.names.index(name)
         random = np.array([float(one.estimate.covariance[at, at]) for one in self.trials])
         rows, shapes_kg = [], []
@@ -219,7 +220,8 @@ class JointFit(ReadOnlyArrays):
                 shapes_kg.append(contribution_kg)
                 continue
             change_kg = math.copysign(contribution_kg, sign * float(self.weights @ found))
-            rows.append(BudgetRow(source, contribution_kg, "B", change_kg / u, unit, scope=scopes[known]))
+            freedom = known_to.get(known, math.inf)
+            rows.append(BudgetRow(source, contribution_kg, "B", change_kg / u, unit, freedom, scope=scopes[known]))
         if shapes_kg:
             rows.append(BudgetRow(UNREAD_FORCE, math.hypot(*shapes_kg), "B", scope="rig"))
         random_kg = math.sqrt(max(u_kg**2 - math.fsum(row.u_kg**2 for row in rows), 0.0))

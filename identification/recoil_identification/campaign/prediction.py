@@ -30,8 +30,8 @@ from recoil_identification.campaign.mechanisms import UNNAMED
 from recoil_identification.campaign.suspects import averaged_u_rel
 from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.causes import DISTORTIONS
+from recoil_identification.shot.shared_identity import OF_SENSOR
 from recoil_identification.shot.shot_summary import (
-    OF_SENSOR,
     UNREAD_FORCE,
     Parameter,
     ShotSummary,

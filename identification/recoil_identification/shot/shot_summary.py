@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.mass_over_time import TRIMMED, steps_behind
 from recoil_identification.calibration.solution import BESIDE
 from recoil_identification.estimate.mass import force_scale
+from recoil_identification.estimate.reliability import reliabilities, reliability_of
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.breech_chain import OF_CHAIN
@@ -34,6 +35,14 @@ from recoil_identification.rows.known_forces import declared_sources, declared_t
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_identification.rows.suspects import Suspect, columns_of
 from recoil_identification.rows.unread_resistance import SHARE, SLIDE
+from recoil_identification.shot.shared_identity import (
+    OF_DYNAMIC,
+    OF_RIG,
+    OF_SENSOR,
+    OF_SHAPE,
+    OF_STANDARD,
+    source_of,
+)
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import dynamic_scale, of_gauge
@@ -53,10 +62,6 @@ STEPS_AT = tuple(np.linspace(TRIMMED[0], 1.0 - TRIMMED[1], 12).round(3).tolist()
 """Shares of the travel's time at which the mass may step."""
 MOST_LN_KG = 30.0
 """Logarithm of a mass in kg beyond which it is none."""
-OF_SENSOR, OF_DYNAMIC, OF_STANDARD, OF_RIG = "sensor:", "dynamic:", "standard:", "rig:"
-"""Beginnings of identities, by what they are of."""
-OF_SHAPE = "unread_force-"
-"""Beginning of the last part of a rig's identity that is one shape of the force that no gauge reads."""
 OF_A_SHOT = ("m3", "carried_mass", "phi10", "phi20")
 """Values of the mechanism that are no geometry: what is compared with the mass, and how the stand was laid."""
 
@@ -157,6 +162,9 @@ class ShotSummary(ReadOnlyArrays):
         Share of the acceleration that forces and motion leave of one another in a coloured way.
     averaged_rel
         Share by which the shot's mass exceeds that of the reference, being the mean over what no rig states.
+    degrees_of_freedom
+        Degrees of freedom of the standard uncertainties of influences, by identity; of one that is not in it the
+        uncertainty is taken as known.
     """
 
     parameters: tuple[Parameter, ...]
@@ -167,6 +175,7 @@ class ShotSummary(ReadOnlyArrays):
     against: tuple[str, ...] = ()
     unexplained_share: float = 0.0
     averaged_rel: float = 0.0
+    degrees_of_freedom: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def mass_kg(self) -> float:
@@ -199,6 +208,8 @@ class ShotSummary(ReadOnlyArrays):
             geometry = {str(name): float(value) for name, value in stated["geometry"].items() if value is not None}
             against = tuple(str(one) for one in stated["against"])
             unexplained, averaged = (float(stated.get(key, 0.0)) for key in ("unexplained_share", "averaged_rel"))
+            # earlier reports took every uncertainty as known
+            freedom = {str(name): float(nu) for name, nu in stated.get("degrees_of_freedom", {}).items()}
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise ValueError(f"{type(error).__name__}: {error}") from error
         n, names = len(listed), [one.name for one in listed]
@@ -214,7 +225,9 @@ class ShotSummary(ReadOnlyArrays):
             raise ValueError(f"parameters {', '.join(names)}: the first must be {LN_MASS}, and each once")
         if any(not (math.isfinite(u) and u >= 0) for one in listed for _, u in one.influences):
             raise ValueError("a standard uncertainty that is negative or not finite")
-        return cls(tuple(listed), arrays[0], arrays[1], arrays[2], geometry, against, unexplained, averaged)
+        if not all(nu >= 1.0 for nu in freedom.values()):
+            raise ValueError("a standard uncertainty with less than one degree of freedom")
+        return cls(tuple(listed), arrays[0], arrays[1], arrays[2], geometry, against, unexplained, averaged, freedom)
 
     def to_json(self, *, cutoff_hz: float | None, zero_shift: bool) -> dict[str, Any]:
         """Return it as the report has it."""
@@ -238,6 +251,7 @@ class ShotSummary(ReadOnlyArrays):
             "own_u_rel": 0.0,
             "unexplained_share": self.unexplained_share,
             "averaged_rel": self.averaged_rel,
+            "degrees_of_freedom": dict(self.degrees_of_freedom),
             "cutoff_hz": cutoff_hz,
             "zero_shift": zero_shift,
         }
@@ -301,15 +315,41 @@ def shot_summary(
     if u_release_m_s:  # counted from what is expected of it, so that its prior is zero as the others' are
         reference[names.index(motion.RELEASE.name)] -= regression.release_n_s / regression.u_release_n_s
     triangle, seen = _with_own_errors(triangle * units, seen, [stated[name][0].name for name in names], declared)
+    parameters = tuple(stated[name][0] for name in names)
     return ShotSummary(
-        parameters=tuple(stated[name][0] for name in names),
+        parameters=parameters,
         reference=reference,
         triangle=triangle,
         seen=seen,
         geometry=geometry_of(rig.mechanism),
         against=against,
         unexplained_share=calibration.noise.unexplained_share,
+        degrees_of_freedom=_freedom(rig, parameters),
     )
+
+
+def _freedom(rig: Rig, parameters: Sequence[Parameter]) -> dict[str, float]:
+    """Return how well the influences' uncertainties are known, of those where the rig tells it or they are guesses."""
+    known = reliabilities(rig)
+    dynamic = {
+        known_by(rig, one): known.get(dynamic_scale(force.name if len(force.channels) == 1 else one.name))
+        for force in rig.forces
+        for one in force.channels
+    }
+    certified = {known_by(rig, one): known.get(of_gauge(one.name)) for one in rig.channels}
+    found: dict[str, float] = {}
+    for identity in dict.fromkeys(name for one in parameters for name, _ in one.influences):
+        source = source_of(identity)
+        of_sensor = {SourceKind.SENSOR_SCALE: certified, SourceKind.SENSOR_DYNAMIC: dynamic}.get(source.kind)
+        reliability = reliability_of(source, known) if of_sensor is None else of_sensor[source.detail]
+        if reliability is not None:
+            found[identity] = reliability.degrees_of_freedom
+    return found
+
+
+def known_by(rig: Rig, channel: ChannelSpec) -> str:
+    """Return by what a sensor is known: its serial number, or its place on the rig."""
+    return channel.sensor.serial or f"{rig.name}/{channel.name}"
 
 
 def _suspected(rig: Rig, suspects: Sequence[Suspect]) -> Iterator[Suspected]:
@@ -399,14 +439,14 @@ def sensors_of(rig: Rig) -> dict[ErrorSource, str]:
     of_forces = {force.name: force.channels for force in rig.forces}
     roles = dict.fromkeys(one.role for one in rig.channels if one.role and one.role not in FORCE_ROLES)
     for role, channels in ({role: rig.with_role(role) for role in roles} | of_forces).items():
-        known_by = {one.name: one.sensor.serial or f"{rig.name}/{one.name}" for one in channels}
-        whole = " and ".join(known_by.values())
+        names = {one.name: known_by(rig, one) for one in channels}
+        whole = " and ".join(names.values())
         sensitivity = ErrorSource(SourceKind.SENSITIVITY, role)
         found |= {sensitivity: whole, of_roles.get(role, sensitivity): whole}
         if len(channels) > 1:
-            found |= {of_gauge(name): known for name, known in known_by.items()}
+            found |= {of_gauge(name): known for name, known in names.items()}
         of_pulses = {role if len(channels) == 1 else one.name: one for one in channels if one.u_dynamic_rel}
-        found |= {dynamic_scale(of): known_by[one.name] for of, one in of_pulses.items()}
+        found |= {dynamic_scale(of): names[one.name] for of, one in of_pulses.items()}
     return found
 
 
@@ -416,8 +456,7 @@ def _scale(rig: Rig, role: str, channels: Sequence[ChannelSpec]) -> tuple[tuple[
     for channel in channels:
         sensor = channel.sensor
         calibrated = "" if sensor.calibrated is None else f":{sensor.calibrated.isoformat()}"
-        # without a serial number a sensor is known by its place
-        identity = sensor.serial or f"{rig.name}/{channel.name}"
+        identity = known_by(rig, channel)
         own = math.sqrt(sensor.u_scale_rel**2 - sensor.u_reference_rel**2)
         found[f"{OF_SENSOR}{role}:{identity}{calibrated}"] = own / len(channels)
         if channel.u_dynamic_rel:  # no certificate at rest tells of it, and none that is renewed

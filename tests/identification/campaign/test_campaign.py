@@ -17,25 +17,32 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import norm, t
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.remark import ReasonCode
-from recoil_identification.campaign.campaign import Estimated, Learnt
+from recoil_identification.campaign.campaign import Campaign, Estimated, Learnt
 from recoil_identification.campaign.campaign_shot import CampaignShot, in_order
 from recoil_identification.campaign.combination import combine, contradictions, without_consequence
-from recoil_identification.campaign.influence import Influence, source_of
+from recoil_identification.campaign.influence import Influence
 from recoil_identification.report.content import campaign_tables
 from recoil_identification.report.document.campaign_document import campaign_document, campaign_table
+from recoil_identification.shot.shared_identity import source_of
 from recoil_identification.shot.shot_summary import ShotSummary
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.tables.specification import Specification
-from tests.builders.campaign_summaries import MASS_KG, campaign_of
+from tests.builders.campaign_summaries import BREECH as OF_BREECH
+from tests.builders.campaign_summaries import FRICTION, MASS_KG, campaign_of
 
 WEIGHED = campaign_of((0.0, 120.0) * 4, seed=4).shots
 
 
 def answer(shots: tuple[CampaignShot, ...]) -> dict[str, Any]:
-    return campaign_document(combine(shots), version="1", inputs=[], parameters={})
+    return document_of(combine(shots))
+
+
+def document_of(found: Campaign) -> dict[str, Any]:
+    return campaign_document(found, version="1", inputs=[], parameters={})
 
 
 def report_of(shot: CampaignShot) -> dict[str, Any]:
@@ -492,3 +499,37 @@ def test_a_breech_gauge_that_reads_low_is_named_and_not_the_mass_that_was_weighe
     assert not found.valid
     assert found.reasons[0].about == "breech_pressure scale, sensor 1"
     assert [one.code for one in found.reasons if one.code is ReasonCode.ADDED_MASS] == []
+
+
+def guessed(shots: tuple[CampaignShot, ...], freedom: dict[str, float]) -> tuple[CampaignShot, ...]:
+    told = [replace(one.summary, degrees_of_freedom=freedom) for one in shots if one.summary is not None]
+    return tuple(replace(one, summary=summary) for one, summary in zip(shots, told, strict=True))
+
+
+def test_a_guess_widens_the_interval_of_many_shots_by_students_factor_and_what_is_random_does_not() -> None:
+    shots = campaign_of((0.0,) * 6, seed=5, gain_rel=1e-3).shots
+    known, guess = combine(shots), combine(guessed(shots, {OF_BREECH: 8.0, FRICTION: 20.0}))
+    assert guess.mass.mass_kg == known.mass.mass_kg
+    assert guess.mass.u_kg == known.mass.u_kg
+    assert known.mass.coverage_factor == pytest.approx(norm.ppf(0.975))
+    rows = {str(row.source): row for row in guess.budget}
+    breech, friction = rows["breech_pressure scale, sensor 1"], rows["packing friction"]
+    assert [breech.degrees_of_freedom, friction.degrees_of_freedom] == [8.0, 20.0]
+    assert math.isfinite(rows["random errors of the shots"].degrees_of_freedom)
+    nu = guess.mass.u_kg**4 / (breech.u_kg**4 / 8.0 + friction.u_kg**4 / 20.0)
+    assert guess.degrees_of_freedom == pytest.approx(nu)
+    assert guess.mass.coverage_factor == pytest.approx(t.ppf(0.975, nu))
+    assert guess.mass.coverage_factor > known.mass.coverage_factor + 2e-3
+    document = document_of(guess)
+    assert document["uncertainty"]["coverage_factor"] == guess.mass.coverage_factor
+    assert document["mass"]["U_kg"] == guess.mass.coverage_factor * guess.mass.u_kg
+    assert document["mass"]["U95"][1] - document["mass"]["value"] == pytest.approx(document["mass"]["U_kg"])
+    assert "guess" in campaign_tables.coverage(document)[0]
+    assert "guess" not in campaign_tables.coverage(document_of(known))[0]
+
+
+def test_of_shots_that_state_it_otherwise_the_least_known_uncertainty_counts() -> None:
+    shots = campaign_of((0.0,) * 4, seed=5).shots
+    mixed = (*guessed(shots[:2], {OF_BREECH: 8.0}), *guessed(shots[2:], {OF_BREECH: 50.0}))
+    found = combine(mixed)
+    assert {row.degrees_of_freedom for row in found.budget if "breech" in str(row.source)} == {8.0}

@@ -9,13 +9,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from recoil_identification.campaign.influence import source_of
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows.known_forces import known_forces
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
+from recoil_identification.shot.shared_identity import source_of
 from recoil_processing.shot.error_source import SourceKind
 from recoil_rigs.rig import Rig, parse_rig
 from recoil_rigs.shots.fired_shot import FiredShot

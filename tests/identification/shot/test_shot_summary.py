@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,7 +12,6 @@ import numpy as np
 import pytest
 
 from recoil_identification.calibration.methods import Method
-from recoil_identification.campaign.influence import source_of
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
@@ -19,6 +19,7 @@ from recoil_identification.rows.sensor_priors import part_of_scale
 from recoil_identification.rows.unread_resistance import force_shapes
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
+from recoil_identification.shot.shared_identity import source_of
 from recoil_identification.shot.shot_summary import STEPS_AT, sensors_of, shot_summary
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.rig import parse_rig
@@ -153,6 +154,23 @@ def test_the_reports_campaign_is_the_summary() -> None:
     np.testing.assert_array_equal(document["R"], found.summary.triangle)
     assert document["reference"][0] == pytest.approx(math.log(found.route.calibration.estimate.mass_kg), rel=1e-12)
     assert document["own_u_rel"] == 0.0
+
+
+def test_what_the_report_calls_a_guess_is_one_for_many_shots_too() -> None:
+    virtual = virtual_shot("field-2013")
+    text = virtual.rig.text.replace('serial = "V301",', 'serial = "V301", nu = 12,')
+    found = identify_shot(FiredShot(virtual.shot, parse_rig(text, virtual.rig.path)), Options())
+    rows = {str(row.source): row.degrees_of_freedom for row in found.chosen.estimate.budget if row.kind == "B"}
+    told = {str(source_of(name)): freedom for name, freedom in found.summary.degrees_of_freedom.items()}
+    assert told.pop("breech_pressure scale, sensor V301") == 12.0
+    assert told.pop("breech_pressure dynamic scale, sensor V301") == 8.0 == rows["breech_pressure dynamic scale"]
+    shapes = {told.pop(name) for name in list(told) if name.startswith("shape ")}
+    assert shapes <= {8.0}
+    assert told == {name: freedom for name, freedom in rows.items() if name in told}
+    again = type(found.summary).of_json(json.loads(json.dumps(found.summary.to_json(cutoff_hz=1.0, zero_shift=False))))
+    assert again.degrees_of_freedom == found.summary.degrees_of_freedom
+    known = {name for one in found.summary.parameters for name, _ in one.influences}
+    assert set(again.degrees_of_freedom) < known
 
 
 def test_without_a_friction_and_a_release_their_errors_stay_what_is_known() -> None:

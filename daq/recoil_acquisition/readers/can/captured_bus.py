@@ -30,6 +30,8 @@ from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Rema
 
 NAME = "recoil-daq capture"
 _SHOWN = 200
+_STAMPED_BY = {can_rows.DEVICE_TIME: "interface", can_rows.STAMPED: "hardware"}
+"""Clock that stamped the frames, in a shot file's words."""
 
 
 def open_bus(path: Path, source: CapturedSource, declared: Declarations) -> CanCaptureRecording:
@@ -71,7 +73,7 @@ class CanCaptureRecording(CanRecording):
             "remote_frames": int((sound & (flags & can_rows.REMOTE != 0)).sum()),
             "damaged_entries": int((~sound & ~unknown).sum()) + partial,
             "unknown_entries": int(unknown.sum()),
-            "dated_by": "host" if self.clock_fit is None else "interface",
+            "dated_by": "host" if self.clock_fit is None else _STAMPED_BY[int(frames["flags"][0]) & can_rows.STAMPED],
             "device_time_of_first_frame_ns": int(self.device_ns[0]) if frames.size else None,
             "host_time_of_first_frame_ns": int(self.host_ns[0]) if frames.size else None,
             "clock_fit": None if self.clock_fit is None else self.clock_fit.to_json(),
@@ -101,8 +103,8 @@ class CanCaptureRecording(CanRecording):
 
 
 def _fit(frames: NDArray[np.void], events: Sequence[CapturedEvent]) -> ClockFit | None:
-    """Fit the interface's clock if it stamped every frame; it may have begun anew where the bus was opened anew."""
-    if not frames.size or not (frames["flags"] & can_rows.DEVICE_TIME != 0).all():
+    """Fit the interface's clock if one stamped every frame; it may have begun anew where the bus was opened anew."""
+    if can_rows.clock_of(frames["flags"]) is None:
         return None
     reopened = [event.host_ns for event in events if event.name == "reopened"]
     host_ns = frames["host_ns"].astype(np.int64)

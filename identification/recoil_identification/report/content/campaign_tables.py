@@ -54,15 +54,25 @@ def coverage(document: Document) -> list[str]:
     stated = document.get("uncertainty")
     if not stated:
         return []
-    factor, known = fixed(stated["coverage_factor"], 2), effective(stated["degrees_of_freedom"])
+    factor, known = stated["coverage_factor"], effective(stated["degrees_of_freedom"])
+    by = (
+        f"k is Student's for {known} degrees of freedom (Welch-Satterthwaite), because what is known beforehand is in "
+        "part a guess itself (JCGM 100, G.4.2)"
+        if factor > COVERAGE_FACTOR
+        else "What is known beforehand of the influences is taken as known"
+    )
     text = (
-        f"The interval is the mass and k = {factor} standard uncertainties. u has {known} effective degrees of freedom "
-        "(Welch-Satterthwaite; those of what is random are 2 (v / u(v))\N{SUPERSCRIPT TWO}, v its variance, u(v) how "
-        "far that spreads over the scatters which the shots allow: JCGM 100, G.3). k is not Student's for them: u is "
-        "averaged over these scatters, so that what few shots leave open of them is in it already, and would count "
-        "twice."
+        f"The interval is the mass and k = {fixed(factor, 2)} standard uncertainties. {by}. What is random has 2 (v / "
+        "u(v))\N{SUPERSCRIPT TWO} degrees of freedom, v its variance, u(v) how far that spreads over the scatters "
+        "which the shots allow (JCGM 100, G.3). They do not widen k: u is averaged over these scatters, so that what "
+        "few shots leave open of them is in it already, and would count twice."
     )
     return [text]
+
+
+def coverage_factor_of(document: Document) -> float:
+    """Return the coverage factor of a campaign's interval."""
+    return float((document.get("uncertainty") or {}).get("coverage_factor", COVERAGE_FACTOR))
 
 
 def verdict(document: Document) -> Row:
@@ -79,7 +89,7 @@ def verdict(document: Document) -> Row:
         "spread": f"± {half}",
         "unit": mass.get("unit", "kg"),
         "interval": f"{rounded(low, (high - low) / 2)[0]} to {rounded(high, (high - low) / 2)[0]} kg",
-        "coverage_factor": fixed(COVERAGE_FACTOR, 2),
+        "coverage_factor": fixed(coverage_factor_of(document), 2),
         "u": rounded(mass["value"], mass["u"])[1],
         "between": significant(mass["u_between_shots"], 2),
         "shots": f"{used}{of}",
@@ -145,7 +155,7 @@ def facts(document: Document) -> list[tuple[str, str]]:
     gain, friction = document["repeatability"]["gain_rel"], document["repeatability"]["friction_rel"]
     cutoff_hz = document["provenance"]["parameters"].get("cutoff_hz")
     expanded = fixed(expanded_kg(document["mass"]), mass_decimals(document["mass"]["u"]))
-    factors = [("coverage factors", f"{COVERAGE_FACTOR:.2f} of the interval, U = {expanded} kg; 2 of Eₙ")]
+    factors = [("coverage factors", f"{coverage_factor_of(document):.2f} of the interval, U = {expanded} kg; 2 of Eₙ")]
     of, parts = specified(document), by_groups(document)
     found = [
         *([("specification", f"{of}, nothing added")] if of else ()),

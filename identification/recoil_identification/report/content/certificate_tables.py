@@ -108,7 +108,10 @@ def peaks_section(document: Document) -> tuple[Section, ...]:
                 cells[one["shot"]][one["key"]] = f"{value} ± {expanded}"
         return list(cells.values())
 
-    caption = "Value and U of each shot, k = 1.96, ν infinite; a dash where no uncertainty is known."
+    factors = sorted(one["k"] for one in document["results"] if one["shot"] is not None and one["k"] is not None)
+    by = " to ".join(dict.fromkeys(fixed(k, 2) for k in factors[:1] + factors[-1:]))
+    known = f", k = {by} by Student's t for the ν of each" if factors else ""
+    caption = f"Value and U of each shot{known}; a dash where no uncertainty is known."
     return (Section("peaks", "Peaks, time and impulse of each shot", caption, columns, rows, as_stated=True),)
 
 

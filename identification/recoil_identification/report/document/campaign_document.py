@@ -112,7 +112,7 @@ def campaign_document(
         ),
         "uncertainty": {
             "degrees_of_freedom": campaign.degrees_of_freedom,
-            "coverage_factor": COVERAGE_FACTOR,
+            "coverage_factor": mass.coverage_factor,
             "U_kg": mass.expanded_kg,
         },
         "conformity": _conformity(campaign, issued),
@@ -174,7 +174,9 @@ def with_history(document: Mapping[str, Any], history: Mapping[str, Any]) -> dic
 def _conformity(campaign: Campaign, issued: Issue) -> dict[str, Any]:
     """State the conformity of the mass with its tolerance."""
     mass = campaign.mass
-    return stated_conformity(issued, campaign.specification, mass.mass_kg, mass.u_kg, valid=campaign.valid)
+    return stated_conformity(
+        issued, campaign.specification, mass.mass_kg, mass.u_kg, mass.degrees_of_freedom, valid=campaign.valid
+    )
 
 
 def _channels(campaign: Campaign) -> list[dict[str, Any]]:

@@ -117,7 +117,7 @@ def certificate_document(
             specification,
             mass["value"],
             mass["u"],
-            math.inf if of_campaign else freedom,
+            freedom,
             valid=bool(source["valid"]),
             expanded_kg=mass["U_kg"],
         ),

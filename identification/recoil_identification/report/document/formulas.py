@@ -329,10 +329,17 @@ _PEAKS_OF_SHOTS = {
 }  # fmt: skip
 """The quantities of a campaign's shots."""
 _FACTOR_OF_SHOTS = Formula(
-    "97.5 % quantile of the normal distribution: u is averaged over the scatters that the shots allow",
-    "A. Gelman et al., Bayesian Data Analysis, 3rd edition 2013, section 13.1", ("repeatability",),
+    "97.5 % quantile of Student's t for the degrees of freedom of what is known beforehand; u is averaged over the "
+    "scatters that the shots allow",
+    "JCGM 100:2008 (GUM), G.3.2 and G.4.2; A. Gelman et al., Bayesian Data Analysis, 3rd edition 2013, section 13.1",
+    ("uncertainty.degrees_of_freedom", "repeatability"),
 )  # fmt: skip
 """The coverage factor of a campaign's interval, which has the uncertainty of the scatters in its u."""
+_FREEDOM_OF_SHOTS = Formula(
+    "u^4 / sum(u_i^4 / nu_i) over what is known beforehand: what is random is averaged over its scatters",
+    "JCGM 100:2008 (GUM), (G.2b)", ("budget",),
+)  # fmt: skip
+"""The degrees of freedom of a campaign's u."""
 
 
 def formula_of(key: str, document: Mapping[str, Any]) -> Formula | None:
@@ -348,6 +355,8 @@ def formula_of(key: str, document: Mapping[str, Any]) -> Formula | None:
         return _OF_SHOTS if "shots" in document else _MASSES.get(document["mass"]["method"])
     if key == "uncertainty.coverage_factor" and "shots" in document:
         return _FACTOR_OF_SHOTS
+    if key == "uncertainty.degrees_of_freedom" and "shots" in document:
+        return _FREEDOM_OF_SHOTS
     if parts[0] == "peaks" and "shots" in document:
         return _PEAKS_OF_SHOTS.get(parts[-1])
     if parts[0] == "methods" and parts[-1] == "mass_kg":

@@ -30,7 +30,7 @@ from recoil_identification.report.content.result_table import (
     mass_panel,
 )
 from recoil_identification.report.figure.figure import Figure
-from recoil_identification.shot.shot_summary import OF_DYNAMIC
+from recoil_identification.shot.shared_identity import OF_DYNAMIC
 
 THIS = "this campaign"
 """Name of the new one among the others."""

@@ -223,6 +223,24 @@ def test_a_frame_that_asks_another_for_its_data_is_counted_and_holds_none(tmp_pa
     assert (metadata["data_frames"], metadata["dated_by"]) == (len(records), "interface")
 
 
+def stamped_by(records: list[bytes], flags: int, count: int | None = None) -> list[bytes]:
+    """Give the first records other flags of their stamps."""
+    packed = [capture.ROW.unpack(one) for one in records]
+    changed = [capture.ROW.pack(*one[:3], one[3] | flags, *one[4:]) for one in packed[:count]]
+    return changed + (records[count:] if count else [])
+
+
+def test_a_controllers_stamps_date_the_frames_and_two_clocks_that_are_mixed_do_not(tmp_path: Path) -> None:
+    records = can_captures.can_records(build.can_entries())
+    kernels = opened(tmp_path, can_captures.can_capture(records))
+    alone = opened(tmp_path, can_captures.can_capture(stamped_by(records, capture.HARDWARE_TIME)))
+    mixed = opened(tmp_path, can_captures.can_capture(stamped_by(records, capture.HARDWARE_TIME, 5)))
+    assert [one.metadata["dated_by"] for one in (kernels, alone, mixed)] == ["interface", "hardware", "host"]
+    assert alone.metadata["clock_fit"] == kernels.metadata["clock_fit"]
+    assert mixed.metadata["clock_fit"] is None
+    assert mixed.metadata["damaged_entries"] == mixed.metadata["unknown_entries"] == 0
+
+
 def test_damaged_records_are_counted(tmp_path: Path) -> None:
     records = can_captures.can_records(build.can_entries())
     spoilt = bytearray(records[3])
@@ -236,7 +254,7 @@ def test_damaged_records_are_counted(tmp_path: Path) -> None:
 def test_entries_with_flags_that_are_not_known_are_told_from_damage(tmp_path: Path) -> None:
     records = can_captures.can_records(build.can_entries())
     device_ns, host_ns, *_ = capture.ROW.unpack(records[-1])
-    later = pack_row(device_ns=device_ns, host_ns=host_ns, identifier=0x123, flags=0x100, data=bytes(8))
+    later = pack_row(device_ns=device_ns, host_ns=host_ns, identifier=0x123, flags=0x200, data=bytes(8))
     live = opened(tmp_path, can_captures.can_capture([*records, later]))
     assert (live.metadata["damaged_entries"], live.metadata["unknown_entries"]) == (0, 1)
     assert any("1 entries have flags that are not known" in note for note in live.notes)
