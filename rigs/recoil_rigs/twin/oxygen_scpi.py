@@ -89,12 +89,15 @@ class OxygenScpi:
             return None
         command = head.upper().lstrip(":")
         try:
-            reply = self._query(command, rest.strip()) if head.endswith("?") else self._do(command, rest.strip())
+            if not head.endswith("?"):
+                self._do(command, rest.strip())
+                return None
+            reply = self._query(command, rest.strip())
         except _Wrong as wrong:
             number = int(str(wrong))
             self.errors.append(f'{number},"{_ERRORS[number]}"')
             return None
-        if reply is None or not self.heads or command.startswith("*"):
+        if not self.heads or command.startswith("*"):
             return reply
         return f":{command.removesuffix('?') if 'ITEM' in command else re.sub('[0-9]*[?]$', '', command)} {reply}"
 

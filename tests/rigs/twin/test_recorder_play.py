@@ -75,9 +75,9 @@ def heard(
     rest_s: float = 0.0,
     **play: Any,
 ) -> Heard:
-    given = {} if faults is None else {"faults": {"dewetron": faults}}
     options: dict[str, Any] = {"silence_before_s": 0.2, "silence_after_s": 0.1, "transports": OVER} | play
-    with TwinPlayer(rig, shots, **given, **options) as player, OxygenClient(player.devices["dewetron"]) as client:
+    options["faults"] = {} if faults is None else {"dewetron": faults}
+    with TwinPlayer(rig, shots, **options) as player, OxygenClient(player.devices["dewetron"]) as client:
         with Listener(client.begin(items)) as listener:
             time.sleep(rest_s)
             player.start()
@@ -145,7 +145,7 @@ def test_between_shots_there_is_the_noise_of_each_shots_own_rest(rig: Rig, shots
     before = raw[int(second - ticks[0]) - 2000 : int(second - ticks[0])]
     assert second - first == int(0.85 * RATE_HZ)
     assert np.std(before) == pytest.approx(np.std(stored), rel=0.1)
-    assert np.mean(before) == pytest.approx(np.mean(stored), abs=0.2 * np.std(stored))
+    assert np.mean(before) == pytest.approx(np.mean(stored), abs=0.2 * float(np.std(stored)))
 
 
 @pytest.mark.real_time
@@ -229,7 +229,13 @@ def test_changes_and_a_missing_licence_are_said_in_the_stream(rig: Rig, shots: l
     assert sum(n for _, _, n in said.stretches("silent_ticks")) == pytest.approx(0.35 * RATE_HZ, abs=200)
 
 
-def test_what_makes_no_sense_is_refused(rig: Rig, shots: list[TwinShot]) -> None:
+@pytest.mark.real_time
+def test_the_faults_of_another_kind_of_source_are_refused(rig: Rig, shots: list[TwinShot]) -> None:
+    with pytest.raises(ValueError, match="faults must be those of a recorder"):
+        TwinPlayer(rig, shots, transports=OVER, faults={"dewetron": Faults()})
+
+
+def test_what_makes_no_sense_is_refused() -> None:
     for table, said in (
         ({"values": "f64"}, "values must be one of f32, i24"),
         ({"packet_ms": 0.0}, "packet_ms must be from 0.1 to 1000"),
@@ -247,5 +253,3 @@ def test_what_makes_no_sense_is_refused(rig: Rig, shots: list[TwinShot]) -> None
     )
     with pytest.raises(ValueError, match=re.escape("changes: a change has a time")):
         RecorderFaults.from_table({"changes": [[1.0, "colour"]]})
-    with pytest.raises(ValueError, match="faults must be those of a recorder"):
-        TwinPlayer(rig, shots, transports=OVER, faults={"dewetron": Faults()})
