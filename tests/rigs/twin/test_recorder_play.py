@@ -18,7 +18,8 @@ from recoil_rigs.rig import Rig, load_rig, parse_rig
 from recoil_rigs.twin import TwinShot, simulate_shot
 from recoil_rigs.twin.faults import Change, ClockStep, Faults, Interval, RecorderFaults
 from recoil_rigs.twin.player import TwinPlayer, playable_sources
-from recoil_rigs.twin.recorder_replay import StreamForm
+from recoil_rigs.twin.recorder_replay import RecorderTape, StreamForm
+from recoil_rigs.twin.timeline import Timeline
 from tests.builders.oxygen_client import Listener, OxygenClient, Packet, numbers, scalings
 
 RATE_HZ = 20_000.0
@@ -146,6 +147,26 @@ def test_between_shots_there_is_the_noise_of_each_shots_own_rest(rig: Rig, shots
     assert second - first == int(0.85 * RATE_HZ)
     assert np.std(before) == pytest.approx(np.std(stored), rel=0.1)
     assert np.mean(before) == pytest.approx(np.mean(stored), abs=0.2 * float(np.std(stored)))
+
+
+@pytest.mark.real_time
+def test_a_slow_clock_takes_longer_for_its_ticks_and_keeps_the_samples(rig: Rig, shots: list[TwinShot]) -> None:
+    timeline = Timeline.plan(2, 0.55, 0.2, 0.1)
+    tapes = [
+        list(RecorderTape(rig, rig.source("dewetron"), shots, timeline, StreamForm(), ppm=ppm).items())
+        for ppm in (0.0, 200.0)
+    ]
+    good, slow = ([(item.at_s, item.first) for item in tape] for tape in tapes)
+    # each shot's first sample is where it was: the same shot is played on a clock that is off
+    begins = [[one for item in tape for one in item.begins] for tape in tapes]
+    assert [k for k, _ in begins[1]] == [0, 1]
+    assert begins[0][1][1] - begins[1][1][1] == pytest.approx(200e-6 * 0.85 * RATE_HZ, abs=2)
+    within = [(at_s, first) for at_s, first in slow if 0.25 < at_s < 0.7]
+    period_s = (within[-1][0] - within[0][0]) / (within[-1][1] - within[0][1])
+    assert period_s * RATE_HZ == pytest.approx(1.0002, abs=1e-9)
+    assert len(good) >= len(slow) > 100
+    for at_s, first in good[:-1]:
+        assert at_s == pytest.approx((first + 199) / RATE_HZ, abs=1.1 / RATE_HZ)
 
 
 @pytest.mark.real_time
