@@ -201,7 +201,8 @@ class OxygenRecorder:
     def begin_play(self, began_s: float) -> int:
         """Rest up to an instant of the host's clock, and no longer; return the tick with which the play begins."""
         with self._lock:
-            self._rests_to = self.tick_at(began_s)
+            # on a busy computer the instant may be over already, and more than that sent
+            self._rests_to = max(self.tick_at(began_s), self._rested)
             return self._rests_to
 
     def change(self, what: ChangeKind) -> None:

@@ -29,7 +29,7 @@ class RecorderPlay(SourcePlay):
         self._recorder, self._its_faults = transport, faults
         self._changes = sorted(faults.changes, key=lambda one: one.at_s)
         self._base = self._epoch = 0
-        self._restarts = False
+        self._restarts = self._anew = False
 
     @staticmethod
     def _counts() -> PlayedRecorder:
@@ -51,7 +51,7 @@ class RecorderPlay(SourcePlay):
                 return
             self._recorder.restart()
             self._epoch += 1
-            self._base = -1  # the next packet says with which tick it begins
+            self._anew = True
         super()._plug_again(at_s)
 
     def _count_unplugged(self, item: SampleItem) -> None:  # type: ignore[override]
@@ -64,8 +64,8 @@ class RecorderPlay(SourcePlay):
 
     def _send(self, item: SampleItem) -> None:  # type: ignore[override]
         played, faults, draw = self.played, self._its_faults, self._rng.random
-        if self._base < 0:
-            self._base = -item.first
+        if self._anew:
+            self._base, self._anew = -item.first, False
         first = self._base + item.first
         played.frames += 1
         played.shots += [(shot, self._epoch, self._base + tick) for shot, tick in item.begins]

@@ -79,6 +79,7 @@ def heard(
     options: dict[str, Any] = {"silence_before_s": 0.2, "silence_after_s": 0.1, "transports": OVER} | play
     options["faults"] = {} if faults is None else {"dewetron": faults}
     with TwinPlayer(rig, shots, **options) as player, OxygenClient(player.devices["dewetron"]) as client:
+        time.sleep(rest_s)
         with Listener(client.begin(items)) as listener:
             time.sleep(rest_s)
             player.start()
@@ -124,6 +125,8 @@ def test_the_stream_holds_the_samples_of_the_files_at_the_ticks_that_are_told(
         np.testing.assert_array_equal(np.diff(ticks), 1)
         # 0.3 s of rest came before the play, and went on in it without a gap
         assert said.truth["began_tick"] - ticks[0] > 0.2 * RATE_HZ
+        # ticks count from when it was switched on, which was before anybody asked for the stream
+        assert ticks[0] > 0.2 * RATE_HZ
         for number, _, at in said.truth["shots"]:
             stored = values_of(shots[number])[:, place]
             start = int(at - ticks[0])
@@ -175,7 +178,7 @@ def test_every_tick_is_accounted_for_where_packets_are_lost_doubled_cut_late_or_
 ) -> None:
     faults = RecorderFaults(
         lost_frames=0.1, doubled_frames=0.1, lacking_frames=0.1, cut_frames=0.7,
-        stalls=(Interval(0.3, 0.2),), silences=(Interval(0.9, 0.1),), clock_steps=(ClockStep(1.2, 0.05),),
+        stalls=(Interval(0.3, 0.2),), silences=(Interval(0.9, 0.1),), clock_steps=(ClockStep(0.95, 0.05),),
     )  # fmt: skip
     said = heard(of_recorder(rig), shots, faults)
     assert said.failure is None
@@ -192,6 +195,13 @@ def test_every_tick_is_accounted_for_where_packets_are_lost_doubled_cut_late_or_
     assert {int(one.data[0][0][0]) for one in said.data if len(one.data) < len(SIGNALS)} == set(lacking)
     jump = max(b - a for a, b in itertools.pairwise(came))
     assert jump >= 0.05 * RATE_HZ
+    # the second shot's samples are where it is said that they are, behind the step
+    second, stored = said.truth["shots"][1][2], values_of(shots[1])[:, 0].astype(np.float32)
+    whole = [one for one in said.data if len(one.data) == len(SIGNALS) and second <= one.data[0][0][0] < second + 9000]
+    assert len(whole) > 10
+    for one in whole:
+        ticks, _, code, data = one.data[0]
+        np.testing.assert_array_equal(numbers(code, data), stored[int(ticks[0]) - second :][: ticks.size])
     sequence = [one.sequence for one in said.packets]
     assert max(sequence) + 1 - len(set(sequence)) == said.truth["lost"]
 
@@ -230,6 +240,8 @@ def test_a_lost_connection_leaves_a_gap_and_a_restart_begins_anew(rig: Rig, shot
         n for e, first, n in truth["not_open_ticks"]["stretches"] if e == 0 and first < again
     )
     assert 0 <= int(parts[2][1].data[0][0][0]) < 0.4 * RATE_HZ
+    for part in parts:
+        np.testing.assert_array_equal(np.diff(np.concatenate([one.data[0][0] for one in part if one.data])), 1)
     assert {e for e, _, _ in truth["sent_ticks"]["stretches"]} == {0, 1}
 
 
