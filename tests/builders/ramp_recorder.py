@@ -73,7 +73,6 @@ class Ramps:
             self.stretches.append((first, behind))
 
 
-@dataclass
 class RampRecorder(OxygenRecorder):
     """Streams its ramps from the start of the stream on, as long as somebody takes them.
 
@@ -85,8 +84,10 @@ class RampRecorder(OxygenRecorder):
         Processor time of the thread that sends.
     """
 
-    sent: list[tuple[int, int, int]] = field(default_factory=list)
-    cpu_s: float = 0.0
+    def __init__(self, name: str, content: RecorderContent) -> None:
+        super().__init__(name, content)
+        self.sent: list[tuple[int, int, int]] = []
+        self.cpu_s = 0.0
 
     def at_rest(self, first: int, count: int) -> Raw:
         """Return the ramps from a tick on."""

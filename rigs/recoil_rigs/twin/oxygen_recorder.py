@@ -12,7 +12,8 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -107,29 +108,37 @@ class Handling:
 GOOD = Handling()
 
 
-@dataclass
 class OxygenRecorder:
     """A recorder as a transport of a play.
+
+    Parameters
+    ----------
+    seed
+        Seed of what is drawn at rest, and of the seeds of its streams.
+    asked
+        Further keys of its ``device`` table, which are the host's.
 
     Attributes
     ----------
     acquired_s
         Instant of tick 0 on the host's monotonic clock, s.
+    scpi
+        State that the commands have led to.
     """
 
-    name: str
-    content: RecorderContent
-    seed: int = 0
-    acquired_s: float = 0.0
-    scpi: OxygenScpi = field(init=False)
+    scpi: OxygenScpi
+    acquired_s: float
 
-    def __post_init__(self) -> None:
-        self._rng = np.random.default_rng([self.seed, 11])
+    def __init__(
+        self, name: str, content: RecorderContent, seed: int = 0, asked: Mapping[str, Any] = MappingProxyType({})
+    ) -> None:
+        self.name, self.content = name, content
+        self._asked = asked
+        self._rng = np.random.default_rng([seed, 11])
         self._lock = threading.RLock()
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
-        self._commands = _bound(0)
-        self._port = int(self._commands.getsockname()[1])
+        self._commands: socket.socket | None = None
         self._stream: socket.socket | None = None
         self._asking: socket.socket | None = None
         self._taking: socket.socket | None = None
@@ -138,14 +147,14 @@ class OxygenRecorder:
         self._rests_to: int | None = None
         self._rested = self._start_utc_ns = 0
         # where several recorders are on one computer, each needs its own
-        with _bound(0) as probe:
-            self._stream_port = int(probe.getsockname()[1])
+        with _bound(0) as one, _bound(0) as other:
+            self._port, self._stream_port = (int(probe.getsockname()[1]) for probe in (one, other))
         self._fresh()
 
     @property
     def device(self) -> Mapping[str, Any]:
         """The rig's ``device`` table under which the host opens it."""
-        return {"oxygen": f"{HOST}:{self._port}", "stream_port": self._stream_port}
+        return {"oxygen": f"{HOST}:{self._port}", "stream_port": self._stream_port, **self._asked}
 
     def _fresh(self) -> None:
         """Switch it on: nothing is configured, and ticks count anew."""
@@ -163,8 +172,7 @@ class OxygenRecorder:
         """Listen; DeviceError if this computer refuses the port."""
         self._stop.clear()
         try:
-            if self._commands.fileno() < 0:
-                self._commands = _bound(self._port)
+            self._commands = _bound(self._port)
             self._commands.listen()
             if self.scpi.state == "RUNNING":
                 self.listen(self.scpi.port)
@@ -182,7 +190,7 @@ class OxygenRecorder:
         for one in (self._commands, self._asking, self._stream, self._taking):
             if one is not None:
                 one.close()
-        self._asking = self._stream = self._taking = None
+        self._commands = self._asking = self._stream = self._taking = None
         return 0
 
     def restart(self) -> None:

@@ -8,13 +8,13 @@ files hold it, silence again, and so on. What goes wrong on the way is declared 
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 import os
 import threading
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from recoil_rigs.rig import Rig, Source
@@ -114,9 +114,15 @@ class TwinPlayer:
         _check_transport(source, chosen)
         if not isinstance(faults, RecorderFaults):
             raise ValueError(f"source '{source.name}': its faults must be those of a recorder, `RecorderFaults`")
-        form = StreamForm.from_table(source.device or {})
+        table = source.device or {}
+        try:
+            form = StreamForm.from_table(table, [spec.signal for spec in rig.channels_of(source.name)])
+        except ValueError as error:
+            raise ValueError(f"source '{source.name}'.device.{error}") from error
         tape = RecorderTape(rig, source, shots, self.timeline, form, ppm=faults.clock_ppm, seed=seed[0])
-        recorder = OxygenRecorder(source.name, tape.content, seed[0])
+        # what is not the play's is the client's, such as whether it starts the recording
+        asked = {key: value for key, value in table.items() if key not in ("virtual", "faults", *asdict(form))}
+        recorder = OxygenRecorder(source.name, tape.content, seed[0], asked)
         return RecorderPlay(source.name, tape.items(faults.clock_steps), recorder, faults, self._stop, seed)
 
     @property
@@ -194,8 +200,7 @@ class TwinPlayer:
             "end_s": self.timeline.end_s,
             "speed": self._speed,
             "sources": {
-                name: {**dataclasses.asdict(play.played), "faults": dataclasses.asdict(play.faults)}
-                for name, play in self._plays.items()
+                name: {**asdict(play.played), "faults": asdict(play.faults)} for name, play in self._plays.items()
             },
         }
 

@@ -8,8 +8,8 @@ it is the same where the twin's converter has at most 24 bits.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Any, get_args
 
 import numpy as np
@@ -46,7 +46,7 @@ class StreamForm:
 
     values: ValueForm = "f32"
     packet_ms: float = 10.0
-    own_ticks: tuple[str, ...] = ()
+    own_ticks: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         if self.values not in get_args(ValueForm):
@@ -55,10 +55,23 @@ class StreamForm:
             raise ValueError(f"packet_ms must be from 0.1 to 1000, not {self.packet_ms!r}")
 
     @classmethod
-    def from_table(cls, table: Mapping[str, Any]) -> StreamForm:
-        """Read it from a ``device`` table; ValueError where a number makes no sense."""
-        given = {key: table[key] for key in ("values", "packet_ms") if key in table}
-        return cls(**given, own_ticks=tuple(table.get("own_ticks", ())))
+    def from_table(cls, table: Mapping[str, Any], signals: Collection[str] = ()) -> StreamForm:
+        """Read it from a ``device`` table.
+
+        Parameters
+        ----------
+        signals
+            Signals that the recorder has.
+
+        Raises
+        ------
+        ValueError
+            Where something makes no sense.
+        """
+        given = {one.name: table[one.name] for one in fields(cls) if one.name in table}
+        if strangers := set(given.get("own_ticks", ())).difference(signals):
+            raise ValueError(f"own_ticks: the recorder has no {', '.join(sorted(strangers))}")
+        return cls(**given)
 
 
 @dataclass(frozen=True, eq=False)

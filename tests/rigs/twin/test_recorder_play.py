@@ -263,9 +263,14 @@ def test_changes_and_a_missing_licence_are_said_in_the_stream(rig: Rig, shots: l
 
 
 @pytest.mark.real_time
-def test_the_faults_of_another_kind_of_source_are_refused(rig: Rig, shots: list[TwinShot]) -> None:
+def test_a_device_table_is_the_plays_and_the_hosts(rig: Rig, shots: list[TwinShot]) -> None:
     with pytest.raises(ValueError, match="faults must be those of a recorder"):
         TwinPlayer(rig, shots, transports=OVER, faults={"dewetron": Faults()})
+    asked = {"virtual": "oxygen", "values": "i24", "faults": {}, "start": True}
+    player = TwinPlayer(of_recorder(rig, asked), shots)
+    assert set(player.devices["dewetron"]) == {"oxygen", "stream_port", "start"}
+    with pytest.raises(ValueError, match=re.escape("source 'dewetron'.device.packet_ms must be")):
+        TwinPlayer(of_recorder(rig, {"virtual": "oxygen", "packet_ms": 0}), shots)
 
 
 def test_what_makes_no_sense_is_refused() -> None:
@@ -275,6 +280,8 @@ def test_what_makes_no_sense_is_refused() -> None:
     ):
         with pytest.raises(ValueError, match=said):
             StreamForm.from_table(table)
+    with pytest.raises(ValueError, match="own_ticks: the recorder has no AI 9"):
+        StreamForm.from_table({"own_ticks": ["AI 9", SIGNALS[0]]}, SIGNALS)
     with pytest.raises(ValueError, match="error_frames is no fault of a recorder"):
         RecorderFaults(error_frames=0.1)
     with pytest.raises(ValueError, match="unplugged and restarts must follow each other"):
