@@ -74,5 +74,5 @@ def stamp_by_hardware(bus: Any) -> StampedSocket | None:
         of.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPING, ASKED_FOR)
     except OSError:
         return None
-    bus.socket = StampedSocket(of)
-    return bus.socket
+    bus.socket = stamped = StampedSocket(of)
+    return stamped

@@ -40,6 +40,8 @@ DEVICE_TIME = 0x080
 """Flag of a stamp that comes from the interface or the kernel, not from the driver's own look at the wall clock."""
 HARDWARE_TIME = 0x100
 """Flag of such a stamp that the controller of a kernel's interface gave, not the kernel."""
+STAMPED = DEVICE_TIME | HARDWARE_TIME
+"""Flags that say which clock stamped a row."""
 KNOWN_FLAGS = 0x1FF
 
 LONGEST = 64
@@ -69,5 +71,5 @@ def parse_rows(content: bytes) -> NDArray[np.void]:
 
 def clock_of(flags: NDArray[np.uint16]) -> int | None:
     """Return the flags of the one clock that stamped all of some rows; None where it is the host's, or not one."""
-    stamps = flags & (DEVICE_TIME | HARDWARE_TIME)
+    stamps = flags & STAMPED
     return int(stamps[0]) or None if stamps.size and (stamps == stamps[0]).all() else None

@@ -30,7 +30,7 @@ from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Rema
 
 NAME = "recoil-daq capture"
 _SHOWN = 200
-_STAMPED_BY = {can_rows.DEVICE_TIME: "interface", can_rows.DEVICE_TIME | can_rows.HARDWARE_TIME: "hardware"}
+_STAMPED_BY = {can_rows.DEVICE_TIME: "interface", can_rows.STAMPED: "hardware"}
 """Clock that stamped the frames, in a shot file's words."""
 
 
@@ -73,7 +73,7 @@ class CanCaptureRecording(CanRecording):
             "remote_frames": int((sound & (flags & can_rows.REMOTE != 0)).sum()),
             "damaged_entries": int((~sound & ~unknown).sum()) + partial,
             "unknown_entries": int(unknown.sum()),
-            "dated_by": "host" if self.clock_fit is None else _STAMPED_BY[can_rows.clock_of(frames["flags"])],
+            "dated_by": "host" if self.clock_fit is None else _STAMPED_BY[int(frames["flags"][0]) & can_rows.STAMPED],
             "device_time_of_first_frame_ns": int(self.device_ns[0]) if frames.size else None,
             "host_time_of_first_frame_ns": int(self.host_ns[0]) if frames.size else None,
             "clock_fit": None if self.clock_fit is None else self.clock_fit.to_json(),
