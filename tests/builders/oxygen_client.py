@@ -12,7 +12,7 @@ import struct
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,7 +110,7 @@ class OxygenClient:
         self._stream: socket.socket | None = None
         self._held = b""
 
-    def __enter__(self) -> OxygenClient:
+    def __enter__(self) -> Self:
         self._asking = socket.create_connection(self._address, PATIENCE_S)
         self.say(":COMM:HEAD OFF")
         return self
@@ -164,7 +164,7 @@ class Listener:
         self.failure: BaseException | None = None
         self._thread = threading.Thread(target=self._read, daemon=True)
 
-    def __enter__(self) -> Listener:
+    def __enter__(self) -> Self:
         self._thread.start()
         return self
 
