@@ -24,6 +24,7 @@ STATES_S = 5.0
 _LOOK_S = 0.1
 PROPERTIES = ("SampleRate", "Unit", "Range", "Used", "Neon/Stored", "LP_Filter_Freq", "Mode")
 """Properties of a channel that are asked for; one that a recorder does not have is left out."""
+_OFF = ("false", "off", "0")
 
 
 class RecorderError(ScpiError):
@@ -80,9 +81,7 @@ class OxygenControl:
         stated = versions[versions.index("RC_SCPI") + 1] if "RC_SCPI" in versions[:-1] else ""
         numbers = tuple(int(part) for part in stated.split(".") if part.isdecimal())
         if numbers and numbers < LEAST_VERSION:
-            raise RecorderError(
-                f"its remote control is of version {stated}: a data stream came with 1.7; update OXYGEN"
-            )
+            raise RecorderError(f"its remote control, {stated}, has no data stream, which came with 1.7: update OXYGEN")
 
     def prepare(self, wanted: Sequence[str]) -> None:
         """Have the group ready for whoever connects to the stream's port; OSError if it cannot be."""
@@ -91,14 +90,10 @@ class OxygenControl:
         ids = self._ids()
         missing = [name for name in wanted if name not in ids]
         if missing:
-            near = "; ".join(
-                f"{name!r}: nearest {', '.join(nearest_first(name, list(ids))[:4])}" for name in missing[:8]
-            )
-            raise RecorderError(f"it has no channel {near or missing}: correct `signal` in the rig file")
+            near = [f"{name!r} (nearest {', '.join(nearest_first(name, list(ids))[:4])})" for name in missing[:8]]
+            raise RecorderError(f"it has no channel {'; '.join(near)}: correct `signal` in the rig file")
         self.said = self._properties({name: ids[name] for name in wanted})
-        unused = [
-            name for name in wanted if self.said[name].get("Used", "").strip('"').lower() in ("false", "off", "0")
-        ]
+        unused = [name for name in wanted if self.said[name].get("Used", "").strip('"').lower() in _OFF]
         if unused:
             raise RecorderError(f"its channel {', '.join(unused)} is switched off: switch it on in OXYGEN")
         items = ",".join(map(quoted_text, wanted))
@@ -167,9 +162,8 @@ class OxygenControl:
             if state == "Unlicensed":
                 raise RecorderError("it has no licence for the data stream (DST): ask DEWETRON for one")
             if time.monotonic() > ends_s:
-                raise RecorderError(
-                    f"{what} is {state} after {STATES_S:g} s, not {' or '.join(wanted)}: look at OXYGEN"
-                )
+                want = " or ".join(wanted)
+                raise RecorderError(f"{what} is {state} after {STATES_S:g} s, not {want}: look at OXYGEN")
             time.sleep(_LOOK_S)
 
     def _ids(self) -> Mapping[str, str]:
