@@ -99,11 +99,8 @@ class OxygenDevice(ReopenedDevice):
 
     def _open_fault(self, error: Exception) -> DeviceError:
         said = " ".join(str(error).split())[:300] or type(error).__name__
-        remedy = (
-            None
-            if isinstance(error, RecorderError)
-            else "check address and network, and that OXYGEN's remote control is on"
-        )
+        unreached = "check address and network, and that OXYGEN's remote control is on"
+        remedy = None if isinstance(error, RecorderError) else unreached
         return DeviceError(f"source '{self.name}': the recorder at {self._what}: {said}", remedy=remedy)
 
     def _opened_as(self) -> str:
@@ -120,9 +117,8 @@ class OxygenDevice(ReopenedDevice):
         try:
             self._driver = socket.create_connection(address, FIRST_SAMPLES_S)
         except OSError as error:
-            raise RecorderError(
-                f"its data stream at port {address[1]} is not there: {error.strerror or error}"
-            ) from error
+            why = error.strerror or str(error)
+            raise RecorderError(f"its data stream at port {address[1]} is not there: {why}") from error
         with suppress(OSError):
             self._driver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         self._lost_packets += self._decoder.lost_packets
@@ -142,7 +138,7 @@ class OxygenDevice(ReopenedDevice):
             data = self._receive(left_s)
             if data is not None:
                 self._unread.append((data, time.monotonic_ns()))
-                self._check(data)
+                self._follow(data)
 
     def _disconnect(self) -> None:
         if self._driver is not None:
@@ -163,9 +159,9 @@ class OxygenDevice(ReopenedDevice):
 
     def _take(self, timeout_s: float) -> Block | None:
         if self._unread:
-            data, host_ns = self._unread.popleft()
-            self._received += len(data)
-            return Block(self.name, host_ns, data, STREAM, None)
+            read, read_ns = self._unread.popleft()
+            self._received += len(read)
+            return Block(self.name, read_ns, read, STREAM, None)
         looked_ns = time.monotonic_ns()
         waits = bool(select.select([self._driver], [], [], 0.0)[0])
         self._look.looked(looked_ns, empty=not waits)
@@ -181,7 +177,7 @@ class OxygenDevice(ReopenedDevice):
         self._received += len(data)
         self._high_water = max(self._high_water, len(data))
         block = Block(self.name, host_ns, data, STREAM, empty_ns)
-        self._check(data)
+        self._follow(data)
         self._say(host_ns)
         return block
 
@@ -205,7 +201,7 @@ class OxygenDevice(ReopenedDevice):
             return "the recorder has ended the data stream: it has no licence for it (DST); ask DEWETRON for one"
         return f"the recorder closed the data stream, which is {state}"
 
-    def _check(self, data: bytes) -> None:
+    def _follow(self, data: bytes) -> None:
         """Follow what the stream says, and whether its ticks go on."""
         damaged = False
         for item in self._decoder.feed(data):
@@ -236,8 +232,9 @@ class OxygenDevice(ReopenedDevice):
         self._description = replace(
             found, channels=tuple(replace(one, said=self._control.said.get(one.name, {})) for one in found.channels)
         )
-        self._next, self._said_ns = {}, 0
+        self._said_ns = 0
         if before is not None and before.channels != found.channels:
+            self._next = {}
             self._tell("changed", _changes(before, found))
 
     def _say(self, host_ns: int) -> None:
@@ -275,8 +272,9 @@ def settings_of(source: str, table: Mapping[str, Any]) -> OxygenSettings:
     wrong += [key for key in ("acquisition", "storing") if not isinstance(table.get(key, False), bool)]
     if unknown or wrong or not host:
         raise DeviceError(
-            f"source '{source}': `device` of an OXYGEN recorder", expected="oxygen = \"HOST[:PORT]\", stream_port, group: "
-            "numbers; acquisition, storing: true or false", found=", ".join([*unknown, *wrong]) or str(table["oxygen"]),
+            f"source '{source}': `device` of an OXYGEN recorder",
+            expected='oxygen = "HOST[:PORT]"; stream_port, group: numbers; acquisition, storing: true or false',
+            found=", ".join([*unknown, *wrong]) or str(table["oxygen"]),
             remedy='write such as `device = { oxygen = "192.0.2.10" }`',
         )  # fmt: skip
     return OxygenSettings(
