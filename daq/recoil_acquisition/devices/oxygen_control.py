@@ -72,10 +72,7 @@ class OxygenControl:
 
     def connect(self) -> None:
         """Connect, and make sure that it streams at all; OSError if it does not."""
-        s = self.settings
-        self._client = ScpiClient(s.host, s.port, heard=self.heard)
-        self._client.do("*CLS")  # what others left there is no fault of ours
-        self._client.do(":COMM:HEAD OFF")
+        self._client = self._connected()
         self.identity = self._client.ask("*IDN?")
         versions = [str(one) for one in _parsed(self._client.ask("*VER?"), "*VER?")]
         stated = versions[versions.index("RC_SCPI") + 1] if "RC_SCPI" in versions[:-1] else ""
@@ -93,7 +90,7 @@ class OxygenControl:
             near = [f"{name!r} (nearest {', '.join(nearest_first(name, list(ids))[:4])})" for name in missing[:8]]
             raise RecorderError(f"it has no channel {'; '.join(near)}: correct `signal` in the rig file")
         self.said = self._properties({name: ids[name] for name in wanted})
-        unused = [name for name in wanted if self.said[name].get("Used", "").strip('"').lower() in _OFF]
+        unused = [name for name in wanted if self.said[name].get("Used", "").lower() in _OFF]
         if unused:
             raise RecorderError(f"its channel {', '.join(unused)} is switched off: switch it on in OXYGEN")
         items = ",".join(map(quoted_text, wanted))
@@ -139,6 +136,12 @@ class OxygenControl:
             self._client.close()
             self._client = None
 
+    def _connected(self) -> ScpiClient:
+        client = ScpiClient(self.settings.host, self.settings.port, heard=self.heard)
+        client.say(":COMM:HEAD OFF")
+        client.say("*CLS")  # what others left there is no fault of ours
+        return client
+
     def _there(self) -> ScpiClient:
         if self._client is None:
             raise ScpiError("the connection is closed")
@@ -180,17 +183,35 @@ class OxygenControl:
                 known = {str(one) for one in _parsed(self._there().ask(query), query)}
                 for key in (one for one in PROPERTIES if one in known):
                     asked = f":CHANNEL:PROP? {quoted_text(number)},{quoted_text(key)}"
-                    found[name][key] = self._there().ask(asked)
+                    found[name][key] = worded(_parsed(self._there().ask(asked), asked))
         except ScpiError:
             # an older one has no such query, and answers nothing: what is asked further gets a connection of its own
             self.close()
-            self._client = ScpiClient(self.settings.host, self.settings.port, heard=self.heard)
-            self._client.do(":COMM:HEAD OFF")
+            self._client = self._connected()
         return found
 
     def _items(self) -> tuple[str, ...]:
         rows = _parsed(self._there().ask(f":DST:ITEM{self.settings.group}?"), ":DST:ITEM?")
         return tuple(str(one) for one in rows if one != "NONE")
+
+
+def worded(values: tuple[Value, ...]) -> str:
+    """Word a property as people read it.
+
+    >>> worded(parse_reply('(SCALAR,200000.0,"Hz")'))
+    '200000.0 Hz'
+    >>> worded(parse_reply('(RANGE,-25.0,"MPa",250.0,"MPa")'))
+    '-25.0 MPa to 250.0 MPa'
+    >>> worded(parse_reply('(STRING,"Auto")'))
+    'Auto'
+    """
+    (one, *_) = values or ("",)
+    if not isinstance(one, tuple):
+        return one
+    kind, *parts = (str(part) for part in one)
+    if kind == "RANGE" and len(parts) == 4:
+        return f"{parts[0]} {parts[1]} to {parts[2]} {parts[3]}"
+    return " ".join(parts) if parts else kind
 
 
 def _parsed(reply: str, query: str) -> tuple[Value, ...]:

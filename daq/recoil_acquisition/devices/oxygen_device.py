@@ -72,6 +72,7 @@ class OxygenDevice(ReopenedDevice):
         self._said_ns = self._told_ns = 0
         self._bad = self._untold = self._gaps = self._lost_packets = 0
         self._problem = ""
+        self._finishing = False
         self._sample_bytes: dict[int, int] = {}
         self.keep: Any = None
 
@@ -101,7 +102,7 @@ class OxygenDevice(ReopenedDevice):
         said = " ".join(str(error).split())[:300] or type(error).__name__
         unreached = "check address and network, and that OXYGEN's remote control is on"
         remedy = None if isinstance(error, RecorderError) else unreached
-        return DeviceError(f"source '{self.name}': the recorder at {self._what}: {said}", remedy=remedy)
+        return DeviceError(f"source '{self.name}': {self._what}: {said}", remedy=remedy)
 
     def _opened_as(self) -> str:
         return f"{self._what}, {self._control.identity}"
@@ -148,6 +149,7 @@ class OxygenDevice(ReopenedDevice):
         self._control.close()
 
     def _rest(self) -> list[Block]:
+        self._finishing = True
         if self._driver is not None:
             self._control.finish()
         blocks, ends_s = list(self._ahead), time.monotonic() + GRACE_S
@@ -169,7 +171,10 @@ class OxygenDevice(ReopenedDevice):
         try:
             data = self._receive(timeout_s)
         except OSError as error:
-            self._lose(error)
+            if self._finishing:
+                self._disconnect()
+            else:
+                self._lose(error)
             return None
         if data is None:
             return None
@@ -219,6 +224,8 @@ class OxygenDevice(ReopenedDevice):
             else:
                 self._describe(item)
         info = self._decoder.info
+        if self._finishing:
+            return
         if self._driver is not None and info is not None and info.status & LAST and not self._unread:
             self._lose(ConnectionResetError(self._why_ended()))
         elif damaged and self._driver is not None and not self._unread:

@@ -55,12 +55,12 @@ class ScpiClient:
 
     def ask(self, query: str) -> str:
         """Return the reply to a query; ScpiError if none comes."""
-        self._send(query)
+        self.say(query)
         return self._line(query)
 
     def do(self, command: str) -> None:
         """Send a command; ScpiError if the instrument says that it was wrong."""
-        self._send(command)
+        self.say(command)
         self.refuse_errors(command)
 
     def refuse_errors(self, command: str) -> None:
@@ -70,7 +70,8 @@ class ScpiClient:
         if number not in NO_ERROR:
             raise ScpiError(f"it answers to {command!r}: {told[:200]}")
 
-    def _send(self, line: str) -> None:
+    def say(self, line: str) -> None:
+        """Send a line, whatever the instrument makes of it; ScpiError if the connection has ended."""
         if "\n" in line or "\r" in line:
             raise ValueError(f"a command is one line, not {line!r}")
         data = line.encode() + b"\n"
