@@ -22,6 +22,14 @@ def check(
     devices: Annotated[
         bool, typer.Option("--devices", help="Open each device, listen, and judge each channel.")
     ] = False,
+    keep: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --devices: a file for all that a recorder and this program say to each other in 30 s.",
+            show_default=False,
+        ),
+    ] = None,
+    overwrite: OverwriteOption = False,
     explain: Annotated[
         bool,
         typer.Option("--explain", help="Draw the mechanism, with what the rig states of each symbol."),
@@ -32,6 +40,8 @@ def check(
     """Report every fault of a rig file, of calibrations, of recorded files against it, and of devices."""
     if files and devices:
         raise typer.BadParameter("give either FILES or --devices")
+    if keep is not None and not devices:
+        raise typer.BadParameter("--keep goes with --devices")
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_recordings, refuse_no_rig
         from recoil_daq.recording.check import check_rig
@@ -50,11 +60,14 @@ def check(
         with session.steps("check") as progress:
             checked = check_rig(rig, files or (), progress=progress)
         if devices:
-            from recoil_daq.live.device_check import check_devices, device_document
+            from recoil_daq.live.device_check import check_devices, check_kept, device_document
             from recoil_daq.live.tables import print_devices
 
             with session.steps("listen") as progress:
-                heard = check_devices(checked.rig, progress=progress)
+                if keep is None:
+                    heard = check_devices(checked.rig, progress=progress)
+                else:
+                    heard = check_kept(checked.rig, keep, overwrite=overwrite, progress=progress)
             sound = all(one.verdict != "fail" for one in heard)
             document = device_document(checked.rig, heard) | drawn
             session.finish(document, lambda: print_devices(document), OK if sound else NOT_VALID)

@@ -15,17 +15,18 @@ from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples, Liv
 from recoil_acquisition.devices.device import EVENT, Block, Counters
 from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.devices.tick_clock import START_S
-from recoil_acquisition.errors import DeviceError, RecoilDaqError
+from recoil_acquisition.errors import DeviceError, RecoilDaqError, StoreError
 from recoil_acquisition.files.temporary_folder import temporary_folder
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.shot.quality_check import Verdict
+from recoil_daq.live.first_contact import KEPT_S, FirstContact
 from recoil_daq.live.sensor_range import allowed
 from recoil_daq.live.shot import losses_of, lost_anything
 from recoil_daq.live.trigger_at_rest import ConditionAtRest, conditions_at_rest
 from recoil_rigs.rig import Rig
-from recoil_rigs.shots.live_sources import live_sources, told_by
+from recoil_rigs.shots.live_sources import found_by, live_sources, told_by
 from recoil_rigs.twin import simulate_shot
-from recoil_rigs.twin.player import TwinPlayer
+from recoil_rigs.twin.player import TwinPlayer, playable_sources
 from recoil_rigs.twin.range_day import is_virtual_rig
 
 LISTEN_S = 5.0
@@ -88,7 +89,11 @@ def device_document(rig: Rig, heard: Sequence[ChannelHeard]) -> dict[str, Any]:
 
 
 def check_devices(
-    rig: Rig, *, listen_s: float = LISTEN_S, progress: Callable[[str], None] = lambda _: None
+    rig: Rig,
+    *,
+    listen_s: float = LISTEN_S,
+    progress: Callable[[str], None] = lambda _: None,
+    keep: Callable[[str], FirstContact] | None = None,
 ) -> tuple[ChannelHeard, ...]:
     """Listen to every device of a rig.
 
@@ -98,6 +103,8 @@ def check_devices(
         Rig whose devices are opened; virtual devices are played here.
     progress
         Function called with the name of each source.
+    keep
+        Function that returns what keeps the conversation with a recorder, by the name of its source.
 
     Returns
     -------
@@ -112,11 +119,11 @@ def check_devices(
         If units contradict, or a database is at fault.
     """
     if not is_virtual_rig(rig):
-        return _listen(rig, None, listen_s, progress)
+        return _listen(rig, None, listen_s, progress, keep=keep)
     with temporary_folder() as folder:
         shot = simulate_shot(rig, Path(folder) / "0001", seed=1, shot="0001")
         with TwinPlayer(rig, [shot], silence_before_s=listen_s + SETTLE_S + 5.0) as player:
-            return _listen(rig, player.devices, listen_s, progress, player.start)
+            return _listen(rig, player.devices, listen_s, progress, player.start, keep=keep)
 
 
 def _listen(
@@ -125,6 +132,7 @@ def _listen(
     listen_s: float,
     progress: Callable[[str], None],
     start: Callable[[], None] = lambda: None,
+    keep: Callable[[str], FirstContact] | None = None,
 ) -> tuple[ChannelHeard, ...]:
     """Open all devices and listen to them at the same time."""
     sources, trigger = live_sources(rig, tables), rig.trigger
@@ -135,15 +143,16 @@ def _listen(
         for s in sources:
             progress(f"open {s.name}")
             try:
-                device = open_source(s)
+                device = open_source(s, None if keep is None or not s.live_kind.is_preview else keep(s.name).keep)
             except RecoilDaqError as error:
                 verdict: Verdict = "fail" if rig.source(s.name).required else "warn"
                 heard.append(ChannelHeard(s.name, "", "", 0.0, None, None, verdict, str(error)))
                 continue
             blocks[s.name] = []
             readers[s.name] = DeviceReader(device, blocks[s.name].append)
-        if told := told_by(sources, {name: reader.device for name, reader in readers.items()}):
-            sources = live_sources(rig, tables, told)
+        opened = {name: reader.device for name, reader in readers.items()}
+        if told := told_by(sources, opened):
+            sources = live_sources(rig, tables, told, found_by(sources, opened))
         start()
         for reader in readers.values():
             reader.start()
@@ -263,3 +272,48 @@ def _judge(
     if lost_anything(lost):
         return "warn", f"{losses_of(lost)}: check the cable and the bus load"
     return "ok", share
+
+
+def check_kept(
+    rig: Rig,
+    path: Path,
+    *,
+    overwrite: bool = False,
+    listen_s: float = KEPT_S,
+    progress: Callable[[str], None] = lambda _: None,
+) -> tuple[ChannelHeard, ...]:
+    """Listen to every device of a rig, and keep what its recorder and this program say to each other.
+
+    Parameters
+    ----------
+    path
+        File that it is kept in, a recorder's that could not be opened as well.
+    progress
+        Function called with the name of each source.
+
+    Raises
+    ------
+    DeviceError
+        If the rig has no recorder that is read over the network, or several.
+    StoreError
+        If the file exists already or cannot be written.
+    RigError, ReadError
+        As of `check_devices`.
+    """
+    recorders = (
+        [s.name for s in live_sources(rig) if s.live_kind.is_preview]
+        if not is_virtual_rig(rig)
+        else [s.name for s in playable_sources(rig) if s.kind == "dewetron"]
+    )
+    if len(recorders) != 1:
+        raise DeviceError(
+            f"rig {rig.name!r} has {len(recorders)} recorders that are read over the network", path=rig.path,
+            expected="one, whose conversation is kept", remedy='declare such as `device = { oxygen = "192.0.2.10" }`',
+        )  # fmt: skip
+    if path.exists() and not overwrite:
+        raise StoreError.exists(path, "choose another name, or give --overwrite")
+    contact = FirstContact(rig.name, recorders[0])
+    try:
+        return check_devices(rig, listen_s=listen_s, progress=progress, keep=lambda _: contact)
+    finally:
+        contact.write(path, overwrite=overwrite)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.readers.can.buses import BusName
+
+Keep = Callable[[str, str, bytes], None]
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,9 @@ class DeviceDeclarations:
         Bus of the source, where its device delivers several.
     signals
         Signals of the source that have a channel: what a device that tells its signals is to send.
+    keep
+        Function that is given what is said on a recorder's connections: which one, ``scpi`` or ``stream``, by whom,
+        ``host`` or ``recorder``, and the bytes.
     """
 
     framing: Framing | None = None
@@ -31,3 +37,4 @@ class DeviceDeclarations:
     counters: tuple[str, ...] = ()
     bus: BusName | None = None
     signals: tuple[str, ...] = ()
+    keep: Keep | None = None
