@@ -26,7 +26,7 @@ from recoil_daq.live.sensor_range import allowed
 from recoil_daq.live.shot import losses_of, lost_anything
 from recoil_daq.live.trigger_at_rest import ConditionAtRest, conditions_at_rest
 from recoil_rigs.rig import Rig
-from recoil_rigs.shots.live_sources import live_sources, told_by
+from recoil_rigs.shots.live_sources import found_by, live_sources, told_by
 from recoil_rigs.twin import simulate_shot
 from recoil_rigs.twin.player import TwinPlayer
 from recoil_rigs.twin.range_day import is_virtual_rig
@@ -150,15 +150,16 @@ def _listen(
         for s in sources:
             progress(f"open {s.name}")
             try:
-                device = open_source(s, keep.heard if keep is not None and s.name == kept else None)
+                device = open_source(s, keep.keep if keep is not None and s.name == kept else None)
             except RecoilDaqError as error:
                 verdict: Verdict = "fail" if rig.source(s.name).required else "warn"
                 heard.append(ChannelHeard(s.name, "", "", 0.0, None, None, verdict, str(error)))
                 continue
             blocks[s.name] = []
             readers[s.name] = DeviceReader(device, partial(_append, blocks[s.name], heard_out))
-        if told := told_by(sources, {name: reader.device for name, reader in readers.items()}):
-            sources = live_sources(rig, tables, told)
+        opened = {name: reader.device for name, reader in readers.items()}
+        if told := told_by(sources, opened):
+            sources = live_sources(rig, tables, told, found_by(sources, opened))
         start()
         for reader in readers.values():
             reader.start()
