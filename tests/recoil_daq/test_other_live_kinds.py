@@ -183,7 +183,9 @@ def checked_wind() -> list[ChannelHeard]:
 @pytest.mark.usefixtures("lines")
 def test_a_device_of_another_key_than_the_packages_is_refused() -> None:
     mixed = load_rig("mixed")
-    with pytest.raises(RigError, match=r"has `linnes`, .*, of which none chooses a kind: there is .*`lines`, as { lines"):
+    with pytest.raises(
+        RigError, match=r"has `linnes`, .*, of which none chooses a kind: there is .*`lines`, as { lines"
+    ):
         parse_rig(mixed.text + DECLARED.replace("lines = 0,", "linnes = 0,"), mixed.path, mixed.databases)
 
 
