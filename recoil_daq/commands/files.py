@@ -1,6 +1,7 @@
 """Commands that look at rigs and files, and draft rigs."""
 
 from collections.abc import Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,8 +26,7 @@ def check(
     keep: Annotated[
         Path | None,
         typer.Option(
-            help="With --devices: a file for all that a recorder and this program say to each other in 30 s.",
-            show_default=False,
+            help="Write all that the recorder says and is told in 30 s to a file, with --devices.", show_default=False
         ),
     ] = None,
     overwrite: OverwriteOption = False,
@@ -60,14 +60,13 @@ def check(
         with session.steps("check") as progress:
             checked = check_rig(rig, files or (), progress=progress)
         if devices:
-            from recoil_daq.live.device_check import check_devices, check_kept, device_document
+            from recoil_daq.live.device_check import check_devices, device_document
+            from recoil_daq.live.first_contact import FirstContact
             from recoil_daq.live.tables import print_devices
 
-            with session.steps("listen") as progress:
-                if keep is None:
-                    heard = check_devices(checked.rig, progress=progress)
-                else:
-                    heard = check_kept(checked.rig, keep, overwrite=overwrite, progress=progress)
+            kept = nullcontext() if keep is None else FirstContact(keep, overwrite=overwrite)
+            with kept as contact, session.steps("listen") as progress:
+                heard = check_devices(checked.rig, keep=contact, progress=progress)
             sound = all(one.verdict != "fail" for one in heard)
             document = device_document(checked.rig, heard) | drawn
             session.finish(document, lambda: print_devices(document), OK if sound else NOT_VALID)

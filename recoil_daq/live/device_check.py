@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples, Liv
 from recoil_acquisition.devices.device import EVENT, Block, Counters
 from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.devices.tick_clock import START_S
-from recoil_acquisition.errors import DeviceError, RecoilDaqError, StoreError
+from recoil_acquisition.errors import DeviceError, RecoilDaqError
 from recoil_acquisition.files.temporary_folder import temporary_folder
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.shot.quality_check import Verdict
@@ -26,7 +28,7 @@ from recoil_daq.live.trigger_at_rest import ConditionAtRest, conditions_at_rest
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.live_sources import found_by, live_sources, told_by
 from recoil_rigs.twin import simulate_shot
-from recoil_rigs.twin.player import TwinPlayer, playable_sources
+from recoil_rigs.twin.player import TwinPlayer
 from recoil_rigs.twin.range_day import is_virtual_rig
 
 LISTEN_S = 5.0
@@ -92,8 +94,8 @@ def check_devices(
     rig: Rig,
     *,
     listen_s: float = LISTEN_S,
+    keep: FirstContact | None = None,
     progress: Callable[[str], None] = lambda _: None,
-    keep: Callable[[str], FirstContact] | None = None,
 ) -> tuple[ChannelHeard, ...]:
     """Listen to every device of a rig.
 
@@ -101,10 +103,10 @@ def check_devices(
     ----------
     rig
         Rig whose devices are opened; virtual devices are played here.
+    keep
+        File of all that its one recorder says and is told, for `KEPT_S`.
     progress
         Function called with the name of each source.
-    keep
-        Function that returns what keeps the conversation with a recorder, by the name of its source.
 
     Returns
     -------
@@ -114,42 +116,47 @@ def check_devices(
     Raises
     ------
     DeviceError
-        If the rig has no device at all.
+        If the rig has no device at all, or not one recorder whose talk is to be kept.
     RigError, ReadError
         If units contradict, or a database is at fault.
     """
     if not is_virtual_rig(rig):
-        return _listen(rig, None, listen_s, progress, keep=keep)
+        return _listen(rig, None, listen_s, keep, progress)
     with temporary_folder() as folder:
         shot = simulate_shot(rig, Path(folder) / "0001", seed=1, shot="0001")
-        with TwinPlayer(rig, [shot], silence_before_s=listen_s + SETTLE_S + 5.0) as player:
-            return _listen(rig, player.devices, listen_s, progress, player.start, keep=keep)
+        all_s = listen_s if keep is None else max(listen_s, KEPT_S)
+        with TwinPlayer(rig, [shot], silence_before_s=all_s + SETTLE_S + 5.0) as player:
+            return _listen(rig, player.devices, listen_s, keep, progress, player.start)
 
 
 def _listen(
     rig: Rig,
     tables: Mapping[str, Mapping[str, Any]] | None,
     listen_s: float,
+    keep: FirstContact | None,
     progress: Callable[[str], None],
     start: Callable[[], None] = lambda: None,
-    keep: Callable[[str], FirstContact] | None = None,
 ) -> tuple[ChannelHeard, ...]:
     """Open all devices and listen to them at the same time."""
     sources, trigger = live_sources(rig, tables), rig.trigger
     heard: list[ChannelHeard] = []
     blocks: dict[str, list[Block]] = {}
+    heard_out = threading.Event()
     readers: dict[str, DeviceReader] = {}
+    kept = "" if keep is None else _kept(rig, sources)
+    if keep is not None:
+        keep.begin(rig.name, kept)
     try:
         for s in sources:
             progress(f"open {s.name}")
             try:
-                device = open_source(s, None if keep is None or not s.live_kind.is_preview else keep(s.name).keep)
+                device = open_source(s, keep.heard if keep is not None and s.name == kept else None)
             except RecoilDaqError as error:
                 verdict: Verdict = "fail" if rig.source(s.name).required else "warn"
                 heard.append(ChannelHeard(s.name, "", "", 0.0, None, None, verdict, str(error)))
                 continue
             blocks[s.name] = []
-            readers[s.name] = DeviceReader(device, blocks[s.name].append)
+            readers[s.name] = DeviceReader(device, partial(_append, blocks[s.name], heard_out))
         opened = {name: reader.device for name, reader in readers.items()}
         if told := told_by(sources, opened):
             sources = live_sources(rig, tables, told, found_by(sources, opened))
@@ -161,6 +168,10 @@ def _listen(
         begins_ns = time.monotonic_ns()
         time.sleep(listen_s)
         ends_ns = time.monotonic_ns()
+        heard_out.set()
+        if kept in readers and (left_s := KEPT_S - SETTLE_S - listen_s) > 0:
+            progress(f"{left_s:g} s more, to keep what {kept} says")
+            time.sleep(left_s)
     finally:
         for name, reader in readers.items():
             try:
@@ -182,6 +193,25 @@ def _listen(
         heard = [_with_trigger(one, [c for c in at_rest if c.channel == one.channel]) for one in heard]
     order = {s.name: i for i, s in enumerate(sources)}
     return tuple(sorted(heard, key=lambda one: order[one.source]))
+
+
+def _kept(rig: Rig, sources: Sequence[LiveSource]) -> str:
+    """Return the one source whose talk is kept; DeviceError if there is not one."""
+    names = [one.name for one in sources if one.live_kind.keeps_talk]
+    if len(names) != 1:
+        raise DeviceError(
+            f"rig {rig.name!r} has {len(names) or 'no'} recorders whose commands and stream can be kept",
+            path=rig.path,
+            expected='one source with such as `device = { oxygen = "192.0.2.10" }`',
+            found=", ".join(names),
+            remedy="keep a rig file with that source alone for it" if names else "leave --keep out",
+        )
+    return names[0]
+
+
+def _append(blocks: list[Block], over: threading.Event, block: Block) -> None:
+    if not over.is_set():
+        blocks.append(block)
 
 
 class _Samples(defaultdict[str, list[LiveSamples]]):
@@ -272,48 +302,3 @@ def _judge(
     if lost_anything(lost):
         return "warn", f"{losses_of(lost)}: check the cable and the bus load"
     return "ok", share
-
-
-def check_kept(
-    rig: Rig,
-    path: Path,
-    *,
-    overwrite: bool = False,
-    listen_s: float = KEPT_S,
-    progress: Callable[[str], None] = lambda _: None,
-) -> tuple[ChannelHeard, ...]:
-    """Listen to every device of a rig, and keep what its recorder and this program say to each other.
-
-    Parameters
-    ----------
-    path
-        File that it is kept in, a recorder's that could not be opened as well.
-    progress
-        Function called with the name of each source.
-
-    Raises
-    ------
-    DeviceError
-        If the rig has no recorder that is read over the network, or several.
-    StoreError
-        If the file exists already or cannot be written.
-    RigError, ReadError
-        As of `check_devices`.
-    """
-    recorders = (
-        [s.name for s in live_sources(rig) if s.live_kind.is_preview]
-        if not is_virtual_rig(rig)
-        else [s.name for s in playable_sources(rig) if s.kind == "dewetron"]
-    )
-    if len(recorders) != 1:
-        raise DeviceError(
-            f"rig {rig.name!r} has {len(recorders)} recorders that are read over the network", path=rig.path,
-            expected="one, whose conversation is kept", remedy='declare such as `device = { oxygen = "192.0.2.10" }`',
-        )  # fmt: skip
-    if path.exists() and not overwrite:
-        raise StoreError.exists(path, "choose another name, or give --overwrite")
-    contact = FirstContact(rig.name, recorders[0])
-    try:
-        return check_devices(rig, listen_s=listen_s, progress=progress, keep=lambda _: contact)
-    finally:
-        contact.write(path, overwrite=overwrite)

@@ -1,65 +1,105 @@
-"""A kept conversation with a recorder: every line of its commands and every byte of its stream, with their times.
+"""File of a first contact with a recorder: every line of its commands, both ways, and every byte of its stream.
 
-No real recorder was met when its client was written: such a file of one that does otherwise says what it does. It is
-JSON in lines: the first says what it is of, each further one what was said, when, by whom and on which connection.
+JSON Lines: what the file is; then ``at_s``, ``link`` (``scpi`` or ``stream``), ``from`` (``host`` or ``recorder``) and
+``text``, or ``base64`` where it is none. Nobody here has met each recorder there is: what one said can be played back.
 """
 
 from __future__ import annotations
 
 import base64
-import datetime as dt
 import json
 import threading
 import time
-from contextlib import suppress
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, Self
 
 from recoil_acquisition.errors import StoreError, system_errors_as
 from recoil_acquisition.files.new_file import give_name, partial_path
 
 SCHEMA = "recoil-daq/first-contact/1"
 KEPT_S = 30.0
-"""Time for which a conversation is kept, s."""
-MOST_BYTES = 1 << 30
-"""Bytes of a file, beyond which it ends: half a minute of 64 channels of 200 kHz."""
+"""Time for which a recorder is listened to, s."""
+_REMEDY = "give --keep another file, or --overwrite"
 
 
 class FirstContact:
-    """Keeps what a recorder and its host say to each other.
+    """File of what passes between this computer and one recorder, between entering and leaving.
 
     Parameters
     ----------
-    rig, source
-        Names of both.
+    path
+        The file; it bears that name only when it is whole.
+
+    Raises
+    ------
+    StoreError
+        If it is there and not to be replaced, or cannot be written.
     """
 
-    def __init__(self, rig: str, source: str) -> None:
-        self._began_s = time.monotonic()
+    def __init__(self, path: Path, *, overwrite: bool = False) -> None:
+        self.path, self._overwrite = path, overwrite
         self._lock = threading.Lock()
-        self._size = 0
-        head = {"schema": SCHEMA, "rig": rig, "source": source, "utc": dt.datetime.now(dt.UTC).isoformat()}
-        self._lines = [json.dumps(head)]
+        self._stream: IO[str] | None = None
+        self._fault: OSError | None = None
+        self._began_s = 0.0
 
-    def keep(self, link: str, who: str, content: bytes) -> None:
-        """Keep what was said on a connection, ``scpi`` or ``stream``, by the ``host`` or the ``recorder``."""
-        said: dict[str, Any] = {"at_s": round(time.monotonic() - self._began_s, 6), "link": link, "from": who}
-        with suppress(UnicodeDecodeError):
-            said |= {"text": content.decode()} if link == "scpi" else {}
-        if "text" not in said:
-            said["base64"] = base64.b64encode(content).decode()
-        line = json.dumps(said, ensure_ascii=False)
+    def __enter__(self) -> Self:
+        if self.path.exists() and not self._overwrite:
+            raise self._taken()
+        self._partial = partial_path(self.path)
+        with system_errors_as(StoreError, self.path, "written", _REMEDY):
+            self._stream = self._partial.open("x", encoding="utf-8")
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         with self._lock:
-            if self._size < MOST_BYTES:
-                self._lines.append(line)
-                self._size += len(line)
+            stream, self._stream = self._stream, None
+        if stream is None:
+            return
+        try:
+            with system_errors_as(StoreError, self.path, "written", _REMEDY):
+                stream.close()
+                if self._fault is not None:
+                    raise self._fault
+                if kind is None:
+                    give_name(self._partial, self.path, overwrite=self._overwrite)
+        except StoreError as error:
+            if kind is None:  # else it is not what went wrong
+                raise self._taken() if isinstance(error.__cause__, FileExistsError) else error from error.__cause__
+        finally:
+            self._partial.unlink(missing_ok=True)
 
-    def write(self, path: Path, *, overwrite: bool) -> None:
-        """Write the file, whole or not at all; StoreError if it is there already, or cannot be written."""
-        part = partial_path(path)
-        with self._lock, system_errors_as(StoreError, path, "written"):
+    def begin(self, rig: str, source: str) -> None:
+        """Say whose talk it is; times count from here."""
+        self._began_s = time.monotonic()
+        utc = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+        self._write({"schema": SCHEMA, "rig": rig, "source": source, "utc": utc})
+
+    def heard(self, link: str, sender: str, data: bytes) -> None:
+        """Write what passed; a device that reads is never troubled by a disk that fails."""
+        row = {"at_s": round(time.monotonic() - self._began_s, 6), "link": link, "from": sender}
+        self._write(row | (_text_of(data) if link == "scpi" else _bytes_of(data)))
+
+    def _write(self, row: dict[str, Any]) -> None:
+        with self._lock:
+            if self._stream is None or self._fault is not None:
+                return
             try:
-                part.write_text("\n".join(self._lines) + "\n", encoding="utf-8")
-                give_name(part, path, overwrite=overwrite)
-            finally:
-                part.unlink(missing_ok=True)
+                self._stream.write(json.dumps(row, ensure_ascii=False) + "\n")
+            except OSError as error:
+                self._fault = error
+
+    def _taken(self) -> StoreError:
+        return StoreError.exists(self.path, _REMEDY, "the file")
+
+
+def _text_of(data: bytes) -> dict[str, Any]:
+    try:
+        return {"text": data.decode()}
+    except UnicodeDecodeError:
+        return _bytes_of(data)
+
+
+def _bytes_of(data: bytes) -> dict[str, Any]:
+    return {"base64": base64.b64encode(data).decode()}
