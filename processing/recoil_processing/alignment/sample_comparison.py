@@ -347,7 +347,7 @@ def _rule(a: Array, b: Array, size: float, printed: float) -> tuple[str, float, 
     if size:
         return COUNTS, 0.0, loose
     bits = np.asarray(a == b)
-    if bits.sum() == loose.sum():
+    if bits.sum() == loose.sum() > 0:
         return BITS, 0.0, bits
     largest = np.maximum(np.abs(a), np.abs(b))
     single = bits | (np.abs(a - b) <= SINGLE_REL * largest)
