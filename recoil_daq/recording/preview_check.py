@@ -78,8 +78,8 @@ def marked_previews(captures: Mapping[Path, Capture], matched: Mapping[str, Path
     matched
         File of each source of the shot.
     """
-    text = "read live: a preview, until the instrument's own file takes its place; drop it into the watched folder, or "
-    text += "ingest the shot again with it, with --replaces"
+    text = "what was read live is a preview: the instrument's own file takes its place; drop that into the watched "
+    text += "folder, or ingest capture and file again with --overwrite"
     live = [
         source for path, capture in captures.items() for source in _previewed(capture) if matched.get(source) == path
     ]
@@ -127,7 +127,7 @@ def compared_previews(
                 preview = readers[path].open(path, rig.declarations(rig.source(source)))
                 found.append(compared_preview(rig, source, preview, whole, printed=printed))
             except RecoilDaqError as error:
-                told = QualityCheck(source, Check.PREVIEW, "warn", f"not compared with the preview: {error}")
+                told = _not_compared(source, str(error))
                 found.append(ComparedPreview(source, path.name, own.name, {}, (told,)))
     return tuple(found)
 
@@ -151,7 +151,9 @@ def compared_preview(
         try:
             pair, base = _pair(rig, spec, preview, file)
         except (RecoilDaqError, ValueError) as error:
-            checks.append(QualityCheck(spec.name, Check.PREVIEW, "warn", f"not compared with the preview: {error}"))
+            checks.append(
+                QualityCheck(spec.name, Check.PREVIEW_COMPARED, "warn", f"not compared with the preview: {error}")
+            )
             continue
         pairs[spec.name], bases[spec.name] = pair, base
         digits[spec.name] = printed_step(pair[1].samples) if printed and not pair[1].count_size else 0.0
@@ -159,6 +161,10 @@ def compared_preview(
     found = compare_records(pairs, expected=ought, within=within, printed=digits)
     checks += _checks(source, found, bases, names[1], timed=ought is not None)
     return ComparedPreview(source, *names, found, tuple(checks))
+
+
+def _not_compared(about: str, why: str) -> QualityCheck:
+    return QualityCheck(about, Check.PREVIEW_COMPARED, "warn", f"not compared with the preview: {why}")
 
 
 def _pair(
@@ -233,7 +239,9 @@ def _checks(
     """Say of a source what all its channels share, and of each channel what is its own."""
     compared = {name: one for name, one in found.items() if one.compared}
     checks = [
-        QualityCheck(name, Check.PREVIEW, "warn", f"not compared with the preview: nothing of it can be laid on {file}")
+        QualityCheck(
+            name, Check.PREVIEW_COMPARED, "warn", f"not compared with the preview: nothing of it can be laid on {file}"
+        )
         for name in found
         if name not in compared
     ]
@@ -249,16 +257,16 @@ def _checks(
     if len(equal) == len(found):
         rules = " and ".join(dict.fromkeys(one.rule for one in compared.values()))
         told = f"the preview is proven equal to {file}: {samples} samples of {channels}, {rules}"
-        return [*checks, QualityCheck(source, Check.PREVIEW, "ok", f"{told}; {_laid(compared, timed)}")]
+        return [*checks, QualityCheck(source, Check.PREVIEW_COMPARED, "ok", f"{told}; {_laid(compared, timed)}")]
     told = f"of {samples} samples of {channels} compared with the preview {same} are equal"
     proven = f"{len(equal) or 'none'} of {channels} {'is' if len(equal) < 2 else 'are'} proven equal"
     told += f"; {proven}{shared}; {file} counts; {_laid(compared, timed)}"
-    checks.append(QualityCheck(source, Check.PREVIEW, "warn", told))
+    checks.append(QualityCheck(source, Check.PREVIEW_COMPARED, "warn", told))
     for name, text in own.items():
         if text:
             one = compared[name]
             counts = f"of {one.compared} samples compared with the preview {one.different} are different"
-            checks.append(QualityCheck(name, Check.PREVIEW, "warn", counts + text))
+            checks.append(QualityCheck(name, Check.PREVIEW_COMPARED, "warn", counts + text))
     return checks
 
 
@@ -277,15 +285,15 @@ def _gaps(one: SampleComparison, base: TimeBase) -> str:
     if one.shift:
         way = "late" if one.shift < 0 else "early"
         samples = _count(abs(one.shift), "sample")
-        parts.append(f"it is shifted by {samples}, {1e6 * abs(one.shift) / base.rate_hz:.4g} us {way}")
+        parts.append(f"the preview is shifted by {samples}, {1e6 * abs(one.shift) / base.rate_hz:.4g} us {way}")
     if one.slip_at is not None:
         fell = "fell out" if one.slip > 0 else "came twice"
         parts.append(f"{_count(abs(one.slip), 'sample')} {fell} without a gap in its time {_place(one.slip_at, base)}")
     if one.missing_in_preview and one.first_missing is not None:
         missing = _count(one.missing_in_preview, "sample")
-        parts.append(f"{missing} missing in it, the first one {_place(one.first_missing, base)}")
+        parts.append(f"{missing} missing in the preview, the first one {_place(one.first_missing, base)}")
     if one.missing_in_file:
-        parts.append(f"{_count(one.missing_in_file, 'sample')} of it missing in the file")
+        parts.append(f"{_count(one.missing_in_file, 'sample')} of the preview missing in the file")
     return "".join(f"; {part}" for part in parts)
 
 
@@ -295,9 +303,9 @@ def _values(one: SampleComparison, base: TimeBase, unit: str) -> str:
         return ""
     parts = []
     if one.scale != 1.0:
-        parts.append(f"it is {one.scale:.6g} times the file")
+        parts.append(f"the preview is {one.scale:.6g} times the file")
     if one.offset:
-        parts.append(f"it is {one.offset:+.4g} {unit} off the file")
+        parts.append(f"the preview is {one.offset:+.4g} {unit} off the file")
     live, stored = one.values
     parts.append(
         f"the first difference is {_place(one.first_difference, base)}: {live:.9g} {unit}, {stored:.9g} {unit} in "

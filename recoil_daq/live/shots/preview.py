@@ -13,7 +13,7 @@ LARGE_DIFFERENCE = 0.05
 
 def compared_lines(document: Mapping[str, Any]) -> tuple[str, ...]:
     """Return a line for each thing that the comparison with the preview found, by a document of ``ingest --json``."""
-    found = [one for one in document.get("quality", ()) if one["check"] == Check.PREVIEW.value]
+    found = [one for one in document.get("quality", ()) if one["check"] == Check.PREVIEW_COMPARED.value]
     return tuple(f"{one['channel']}: {one['detail']}" for one in found)
 
 

@@ -63,12 +63,9 @@ def previewed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_kind, "_OWN", kinds)
 
 
-def answer(name: str, samples: int = 1000, **preview: str) -> dict[str, Any]:
-    channels = [
-        {"name": "p", "unit": "Pa", "low": 0.0, "high": 7e6, "clock": "imu", "samples": samples, "rate_hz": 1e3}
-    ]
-    quality = [{"channel": name, "check": "preview", "verdict": "warn", "detail": d} for name, d in preview.items()]
-    return {"shot": name, "channels": channels, "quality": quality}
+def answer(name: str, **preview: str) -> dict[str, Any]:
+    found = {"check": "preview compared", "verdict": "warn"}
+    return {"shot": name, "quality": [{"channel": name, "detail": told, **found} for name, told in preview.items()]}
 
 
 @pytest.mark.usefixtures("previewed")
@@ -76,11 +73,10 @@ def test_an_instruments_own_file_replaces_its_preview_after_the_verdict_too(tmp_
     display = Told()
     one = range_of(display)
     display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
-    PlayedConversion.answer = answer("0001", imu="read live: a preview")
+    PlayedConversion.answer = answer("0001")
 
     def arrives() -> None:
         assert one.live._shots[0].previews == {"imu"}
-        assert not display.told("read live: a preview")
         PlayedConversion.answer = answer("0001", p="it is 1.01 times the file")
         drop(tmp_path / "in", "0001_imu.bin")()
 

@@ -15,6 +15,7 @@ from recoil_acquisition.shot.shot import Shot
 from recoil_acquisition.store import read_shot
 from recoil_daq.recording.ingest import Ingested, ingest_files
 from recoil_daq.recording.preview_check import COMPARED
+from recoil_daq.reports.identify import identify_file
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_rigs.shots.fired_shot import FiredShot
@@ -23,6 +24,7 @@ from tests.builders.preview_captures import Faults, PreviewedShot, previewed_sho
 pytestmark = pytest.mark.whole_way
 DAY = dt.date(2026, 6, 1)
 BRAKE = "AI 7/p_brake"
+PREVIEWS = (Check.PREVIEW, Check.PREVIEW_COMPARED)
 WHY = "0001_dewetron.csv replaces the preview"
 
 
@@ -46,12 +48,12 @@ def replaced(shot: PreviewedShot, own: Path, faults: Faults | None = None, **opt
 
 
 def told(shot: Shot, channel: str = "dewetron") -> tuple[str, str]:
-    (check,) = (one for one in shot.quality if one.check is Check.PREVIEW and one.channel == channel)
+    (check,) = (one for one in shot.quality if one.check in PREVIEWS and one.channel == channel)
     return check.verdict, str(check.detail)
 
 
 def channels_told(shot: Shot) -> set[str]:
-    return {one.channel for one in shot.quality if one.check is Check.PREVIEW}
+    return {one.channel for one in shot.quality if one.check in PREVIEWS}
 
 
 def test_a_shot_of_what_was_read_live_is_usable_and_says_that_it_is_a_preview(shot: PreviewedShot) -> None:
@@ -59,7 +61,7 @@ def test_a_shot_of_what_was_read_live_is_usable_and_says_that_it_is_a_preview(sh
     assert made.shot.usable
     verdict, text = told(made.shot)
     assert verdict == "warn"
-    assert text.startswith("read live: a preview, until the instrument's own file takes its place")
+    assert text.startswith("what was read live is a preview: the instrument's own file takes its place; ")
     assert any(one["code"] == "preview" for one in made.to_json()["findings"])
     assert told(read_shot(made.path)) == (verdict, text)
     assert identified(made).valid
@@ -97,21 +99,24 @@ def test_a_preview_that_is_scaled_1_percent_off_is_named(shot: PreviewedShot) ->
     assert "; 7 of 8 channels are proven equal; " in told(made.shot)[1]
     verdict, text = told(made.shot, "p_brake")
     assert verdict == "warn"
-    assert "; it is 1.01 times the file; the first difference is at 0.036000 s (sample 900): " in text
+    assert "; the preview is 1.01 times the file; the first difference is at 0.036000 s (sample 900): " in text
     assert made.shot.usable
 
 
 def test_a_preview_that_is_shifted_by_one_sample_is_named(shot: PreviewedShot) -> None:
     verdict, text = told(replaced(shot, shot.dmd(), Faults(shift=1)).shot)
     assert verdict == "warn"
-    assert "none of 8 channels is proven equal; it is shifted by 1 sample, 40 us early; " in text
+    assert "none of 8 channels is proven equal; the preview is shifted by 1 sample, 40 us early; " in text
     assert text.endswith("by what they show, where the time of both does not put them")
 
 
 def test_a_preview_with_a_hole_is_named_whether_its_ticks_show_it_or_not(shot: PreviewedShot) -> None:
     verdict, text = told(replaced(shot, shot.dmd(), Faults(hole=(3000, 3064))).shot)
     assert verdict == "warn"
-    assert "55488 are equal; none of 8 channels is proven equal; 64 samples missing in it, the first one at " in text
+    assert (
+        "55488 are equal; none of 8 channels is proven equal; 64 samples missing in the preview, the first one at "
+        in text
+    )
     assert "at 0.156000 s (sample 3900)" in text
     hidden = replaced(shot, shot.own, Faults(hole=(3000, 3064), hidden=True)).shot
     assert "; 64 samples fell out without a gap in its time at 0.156000 s (sample 3900); " in told(hidden)[1]
@@ -121,7 +126,7 @@ def test_a_file_of_another_rate_is_compared_with_nothing_and_says_so(shot: Previ
     with previewed_shot(sample_rate_hz=20e3) as other:
         capture = shot.preview()
         made = ingest_files(other.rig, [capture, other.own, *other.others], out=shot.folder / "other", on=DAY)
-        texts = {one.detail for one in made.shot.quality if one.check is Check.PREVIEW}
+        texts = {one.detail for one in made.shot.quality if one.check in PREVIEWS}
     assert texts == {"not compared with the preview: it was read live at 25000 Hz, and the file has 20000 Hz"}
 
 
@@ -134,6 +139,21 @@ def test_a_preview_and_its_file_are_one_shot(shot: PreviewedShot) -> None:
     assert [path.name for path in made.path.parent.glob("*.h5")] == ["0001.h5"]
     with pytest.raises(StoreError, match=r"these files are in .*0001\.h5 already; found 0001\.rdlog"):
         ingest_files(shot.rig, [shot.folder / "0001.rdlog", *shot.others], shot="0002", out=made.path.parent, on=DAY)
+
+
+def test_the_report_says_that_it_is_of_a_preview_and_then_how_that_stood_beside_the_file(shot: PreviewedShot) -> None:
+    made = preview_of(shot, of=shot.dmd())
+    before = identify_file(made.path, out=shot.folder / "reports")
+    said = "dewetron: what was read live is a preview: "
+    assert before.document["notes"][0].startswith(said)
+    page = (shot.folder / "reports" / "0001" / "report.html").read_text("utf-8")
+    assert "By a preview: what was read live of dewetron." in page
+    after = identify_file(replaced(shot, shot.dmd()).path, out=shot.folder / "reports", overwrite=True)
+    assert after.document["notes"][0].startswith("dewetron: the preview is proven equal to 0001_dewetron.dmd: ")
+    (finding,) = (one for one in after.document["findings"] if one["code"] == "preview compared")
+    assert finding["severity"] == "note"
+    assert "By a preview" not in (shot.folder / "reports" / "0001" / "report.html").read_text("utf-8")
+    assert after.document["mass"]["value"] == pytest.approx(before.document["mass"]["value"], rel=0.01)
 
 
 def identified(made: Ingested) -> Identification:
