@@ -1,4 +1,4 @@
-"""What was read live of an instrument, compared with the file that the instrument wrote itself.
+"""Comparison of what was read live of an instrument with the file that the instrument wrote itself.
 
 What is read live is a preview: it may have lost samples, or be scaled or dated otherwise. The instrument's own file
 takes its place, and says what of the preview was right. The arithmetic is
@@ -151,9 +151,7 @@ def compared_preview(
         try:
             pair, base = _pair(rig, spec, preview, file)
         except (RecoilDaqError, ValueError) as error:
-            checks.append(
-                QualityCheck(spec.name, Check.PREVIEW_COMPARED, "warn", f"not compared with the preview: {error}")
-            )
+            checks.append(_not_compared(spec.name, str(error)))
             continue
         pairs[spec.name], bases[spec.name] = pair, base
         digits[spec.name] = printed_step(pair[1].samples) if printed and not pair[1].count_size else 0.0
@@ -211,7 +209,8 @@ def _to_the_file(spec: ChannelSpec, units: list[Unit | None]) -> tuple[float, fl
 def _ought(bases: tuple[TimeBase, TimeBase, str] | None) -> tuple[int | None, int]:
     """Return at which sample of the file the preview should begin, and by how many that may be off.
 
-    Both count from the instrument's start, if they state the same one within their digits; else by what they state.
+    Both count from the instrument's start, or from whole seconds after it, if what they state is apart by whole seconds
+    within their digits: a file may state it to the millisecond. Else they lie where they state it.
     """
     if bases is None:
         return None, 0
@@ -222,9 +221,10 @@ def _ought(bases: tuple[TimeBase, TimeBase, str] | None) -> tuple[int | None, in
     if zones[0] != zones[1]:
         return None, 0
     apart_ns, digits_ns = starts[0][0] - starts[1][0], max(starts[0][1], starts[1][1])
-    same = abs(apart_ns) < digits_ns
+    seconds = round(apart_ns / 1e9)
+    same = abs(apart_ns - seconds * 10**9) < digits_ns
     rate_hz = bases[1].rate_hz
-    later_s = (0.0 if same else apart_ns / 1e9) + bases[0].start_s - bases[1].start_s
+    later_s = (float(seconds) if same else apart_ns / 1e9) + bases[0].start_s - bases[1].start_s
     return round(later_s * rate_hz), 0 if same else int(0.5e-9 * digits_ns * rate_hz)
 
 
@@ -238,13 +238,7 @@ def _checks(
 ) -> list[QualityCheck]:
     """Say of a source what all its channels share, and of each channel what is its own."""
     compared = {name: one for name, one in found.items() if one.compared}
-    checks = [
-        QualityCheck(
-            name, Check.PREVIEW_COMPARED, "warn", f"not compared with the preview: nothing of it can be laid on {file}"
-        )
-        for name in found
-        if name not in compared
-    ]
+    checks = [_not_compared(name, f"nothing of it can be laid on {file}") for name in found if name not in compared]
     if not compared:
         return checks
     equal = [name for name, one in compared.items() if one.proven_equal]

@@ -60,7 +60,7 @@ def opened(path: Path, source: CapturedSource, declared: Declarations) -> Record
     ticks = np.concatenate([head["first"] + np.arange(len(rows)) for head, rows in packets])
     values = np.concatenate([rows for _, rows in packets]).astype(np.float64)
     start = AbsoluteStart(said["start"], "UTC", "stream", said["by"]) if said["start"] else None
-    base = TimeBase.stamped(declared.clock, ticks / said["rate_hz"], start)
+    base = TimeBase.stamped(declared.clock, ticks / said["rate_hz"] - said["zero_s"], start)
     channels = [
         StoredChannel(SignalHeader(name, unit, ticks.size), base, partial(_part, values[:, at]))
         for at, (name, unit) in enumerate(said["channels"])
@@ -146,6 +146,7 @@ class PreviewedShot:
         first: int = 900,
         count: int = 7000,
         timed: bool = True,
+        zero_s: int = 0,
     ) -> Path:
         """Write the capture of what was read live, samples `first` and the next ones of the file."""
         wrong = faults or Faults()
@@ -160,9 +161,13 @@ class PreviewedShot:
         kept = np.r_[0 : wrong.hole[0], wrong.hole[1] : len(rows)]
         rows = rows[kept].astype("<f4")
         ticks = ticks[: len(kept)] if wrong.hidden else ticks[kept]
-        # the stream tells it more finely than the file, and counts from the same instant
-        start = f"{BEGAN.replace(tzinfo=None).isoformat()}.000123456" if timed else ""
-        head = {"rate_hz": round(base.rate_hz), "channels": names, "start": start, "by": "PTP" if timed else ""}
+        # the stream tells its start more finely than the file, and counts from the same instant
+        # and, as readers of ticks since 1970 do, from a whole second of it
+        began = (BEGAN + dt.timedelta(seconds=zero_s)).replace(tzinfo=None)
+        head = {
+            "zero_s": zero_s, "rate_hz": round(base.rate_hz), "channels": names,
+            "start": f"{began.isoformat()}.000123456" if timed else "", "by": "PTP" if timed else "",
+        }  # fmt: skip
         ends = np.flatnonzero(np.diff(ticks) != 1) + 1
         records = []
         for part in np.split(np.arange(len(rows)), sorted({*ends.tolist(), *range(PACKET, len(rows), PACKET)})):

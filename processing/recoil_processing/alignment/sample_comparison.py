@@ -158,7 +158,7 @@ def beat_numbers(times_s: Array, step_s: float) -> NDArray[np.int64] | None:
     """
     if not times_s.size:
         return np.empty(0, dtype=np.int64)
-    numbers = np.rint((times_s - times_s[0]) / step_s).astype(np.int64)
+    numbers: NDArray[np.int64] = np.rint((times_s - times_s[0]) / step_s).astype(np.int64)
     if np.any(np.diff(numbers) < 1) or numbers[-1] >= MOST_SPARSE * max(times_s.size, 1 << 16):
         return None
     return numbers
@@ -231,16 +231,18 @@ def _placed(one: SampleComparison, ought: int | None, by: str, within: int) -> S
 def _compared(preview: Sampled, file: Sampled, guess: int | None, printed: float) -> SampleComparison:
     ours, whole = preview.dense, file.dense
     size = file.count_size or preview.count_size
-    if guess is not None:
-        at_guess = _Match.at(ours, whole, guess, size, printed)
-        # what stands still is where the others are; what is equal in a long run is no chance
-        if at_guess.whole or at_guess.run >= _NO_CHANCE or not _steps(ours).any():
-            return _told(ours, whole, guess, size, printed, AS_OTHERS)
+    at_guess = None if guess is None else _Match.at(ours, whole, guess, size, printed)
+    # what stands still is where the others are
+    if at_guess is not None and (at_guess.whole or not _steps(ours).any()):
+        return _told(ours, whole, at_guess.lag, size, printed, AS_OTHERS)
     lags = _likely_lags(ours, whole)
     if not lags:
         return SampleComparison(missing_in_file=int(np.isfinite(ours).sum()))
-    # where nothing is equal anywhere, as behind another scale, the correlation alone tells
     best = max((_Match.at(ours, whole, lag, size, printed) for lag in lags), key=lambda one: one.share)
+    # equal in a long run, and nowhere else as a whole: something fell out there, or is wrong
+    if at_guess is not None and at_guess.run >= _NO_CHANCE and not best.whole:
+        return _told(ours, whole, at_guess.lag, size, printed, AS_OTHERS)
+    # where nothing is equal anywhere, as behind another scale, the correlation alone tells
     return _told(ours, whole, best.lag if best.share > 0 else lags[0], size, printed, CORRELATED)
 
 

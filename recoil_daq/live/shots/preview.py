@@ -1,4 +1,4 @@
-"""What a shot file says of the preview that an instrument's own file replaced."""
+"""Lines on the preview that an instrument's own file replaced: how both stand beside each other, and their masses."""
 
 from __future__ import annotations
 

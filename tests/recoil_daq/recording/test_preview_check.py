@@ -110,6 +110,13 @@ def test_a_preview_that_is_shifted_by_one_sample_is_named(shot: PreviewedShot) -
     assert text.endswith("by what they show, where the time of both does not put them")
 
 
+@pytest.mark.parametrize("zero_s", [0, 3, -2])
+def test_a_preview_counts_from_any_whole_second_of_the_recorders_clock(shot: PreviewedShot, zero_s: int) -> None:
+    assert told(replaced(shot, shot.dmd(), zero_s=zero_s).shot)[1].endswith("; laid on one another by the time of both")
+    shifted = replaced(shot, shot.dmd(), Faults(shift=1), zero_s=zero_s).shot
+    assert "the preview is shifted by 1 sample, 40 us early" in told(shifted)[1]
+
+
 def test_a_preview_with_a_hole_is_named_whether_its_ticks_show_it_or_not(shot: PreviewedShot) -> None:
     verdict, text = told(replaced(shot, shot.dmd(), Faults(hole=(3000, 3064))).shot)
     assert verdict == "warn"
