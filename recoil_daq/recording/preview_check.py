@@ -86,6 +86,12 @@ def marked_previews(captures: Mapping[Path, Capture], matched: Mapping[str, Path
     return tuple(QualityCheck(source, Check.PREVIEW, "warn", text) for source in live)
 
 
+def replaced_previews(captures: Mapping[Path, Capture], matched: Mapping[str, Path]) -> frozenset[str]:
+    """Return the sources whose instruments' own files took the place of what was read live."""
+    sources = [(path, source) for path, capture in captures.items() for source in _previewed(capture)]
+    return frozenset(source for path, source in sources if matched.get(source, path) != path)
+
+
 def _previewed(capture: Capture) -> list[str]:
     """Return the sources of a capture whose instruments write files of their own."""
     sources = [source for source in sources_of(capture) if source.delivered]
@@ -250,7 +256,7 @@ def _checks(
     channels = _count(len(compared), "channel")
     if len(equal) == len(found):
         rules = " and ".join(dict.fromkeys(one.rule for one in compared.values()))
-        told = f"the preview is proven equal to {file}: {samples} samples of {channels}, {rules}"
+        told = f"the preview is proven equal to {file}: {samples} samples of {channels}, {rules}{shared}"
         return [*checks, QualityCheck(source, Check.PREVIEW_COMPARED, "ok", f"{told}; {_laid(compared, timed)}")]
     told = f"of {samples} samples of {channels} compared with the preview {same} are equal"
     proven = f"{len(equal) or 'none'} of {channels} {'is' if len(equal) < 2 else 'are'} proven equal"
@@ -288,6 +294,8 @@ def _gaps(one: SampleComparison, base: TimeBase) -> str:
         parts.append(f"{missing} missing in the preview, the first one {_place(one.first_missing, base)}")
     if one.missing_in_file:
         parts.append(f"{_count(one.missing_in_file, 'sample')} of the preview missing in the file")
+    if one.beyond:
+        parts.append(f"{_count(one.beyond, 'sample')} of it beyond the ends of the file")
     return "".join(f"; {part}" for part in parts)
 
 

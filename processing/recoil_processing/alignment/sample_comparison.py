@@ -89,8 +89,9 @@ class SampleComparison:
     tolerance
         Difference that counts as none, in the unit of the file; 0 bit by bit.
     missing_in_preview, missing_in_file
-        Numbers of samples within the preview that it lacks and the file has, and of those of the preview that the file
-        lacks.
+        Numbers of samples within both that the preview lacks and the file has, and the other way round.
+    beyond
+        Number of samples of the preview before the file's first one, or behind its last.
     lag
         Number of the file's sample that is the preview's sample 0; None where nothing tells it.
     aligned_by
@@ -116,6 +117,7 @@ class SampleComparison:
     tolerance: float = 0.0
     missing_in_preview: int = 0
     missing_in_file: int = 0
+    beyond: int = 0
     lag: int | None = None
     aligned_by: str = CORRELATED
     shift: int | None = None
@@ -135,7 +137,7 @@ class SampleComparison:
 
     @property
     def proven_equal(self) -> bool:
-        """Whether every sample of the preview is the file's, at its place, and none within it is missing."""
+        """Whether every sample of the preview is the file's, at its place, and none is missing where both overlap."""
         missing = self.missing_in_preview or self.missing_in_file
         return bool(self.compared) and not (self.different or missing or self.shift)
 
@@ -237,7 +239,7 @@ def _compared(preview: Sampled, file: Sampled, guess: int | None, printed: float
         return _told(ours, whole, at_guess.lag, size, printed, AS_OTHERS)
     lags = _likely_lags(ours, whole)
     if not lags:
-        return SampleComparison(missing_in_file=int(np.isfinite(ours).sum()))
+        return SampleComparison(beyond=int(np.isfinite(ours).sum()))
     best = max((_Match.at(ours, whole, lag, size, printed) for lag in lags), key=lambda one: one.share)
     # equal in a long run, and nowhere else as a whole: something fell out there, or is wrong
     if at_guess is not None and at_guess.run >= _NO_CHANCE and not best.whole:
@@ -297,7 +299,7 @@ def _told(ours: Array, whole: Array, lag: int, size: float, printed: float, by: 
     found = SampleComparison(
         compared=int(both.sum()), equal=int(same.sum()), rule=rule, tolerance=tolerance,
         missing_in_preview=int(missing.size),
-        missing_in_file=int(np.isfinite(ours).sum()) - int(both.sum()),
+        missing_in_file=int((np.isfinite(a) & ~both).sum()), beyond=int(np.isfinite(ours).sum() - np.isfinite(a).sum()),
         lag=lag, aligned_by=by,
         largest=float(np.abs(a[apart] - b[apart]).max(initial=0.0)),
         first_difference=int(apart[0]) + first if apart.size else None,

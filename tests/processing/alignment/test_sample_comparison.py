@@ -130,7 +130,7 @@ def test_a_hole_that_the_numbers_hide_is_a_slip_from_some_sample_on() -> None:
 
 def test_what_the_file_lacks_is_counted_too() -> None:
     found = one(sampled(FILE[3000:]), sampled(FILE[:3500]), expected=3000)
-    assert (found.compared, found.missing_in_file) == (500, 500)
+    assert (found.compared, found.missing_in_file, found.beyond, found.proven_equal) == (500, 0, 500, True)
     gap = FILE.copy()
     gap[900:905] = np.nan
     assert one(sampled(PART), sampled(gap)).missing_in_file == 5
