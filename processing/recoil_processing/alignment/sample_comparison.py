@@ -44,8 +44,8 @@ _EXPLAINED = 0.5
 """Share of the differences that a scale must take away."""
 _FIT = 0.9
 """Share of a part's samples that must be equal where it lies elsewhere."""
-_FINEST, _COARSEST = 9, -3
-"""Decimals to which numbers may be printed."""
+_FINEST, _COARSEST, _FEW = 9, -3, 256
+"""Decimals to which numbers may be printed, and how many numbers are looked at first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +178,8 @@ def printed_step(values: Array) -> float:
     if not there.size:
         return 0.0
     for decimals in range(_COARSEST, _FINEST + 1):
-        if np.array_equal(np.round(there, decimals), there):
+        # a few tell that most steps are not it
+        if all(np.array_equal(np.round(some, decimals), some) for some in (there[:_FEW], there)):
             return float(10.0**-decimals)
     return 0.0
 

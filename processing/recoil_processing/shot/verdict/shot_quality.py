@@ -19,7 +19,7 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.remark import Caution, CautionCode
 from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from recoil_acquisition.shot.shot import ClockAlignment, Shot
-from recoil_processing.alignment.absolute_alignment import WARNED
+from recoil_processing.alignment.absolute_alignment import METHOD, WARNED
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.quality.loss_checks import GAP_STEPS
@@ -298,6 +298,9 @@ def alignment_check(a: ClockAlignment) -> QualityCheck:
     if a.status == "ambiguous":
         return QualityCheck(a.clock, Check.ALIGNMENT, "warn", worded(f"{text}; ambiguous: ", joined("; ", a.reasons)))
     details = a.details or {}
+    if a.method == METHOD:
+        own, other = (details[METHOD][side]["lock"] for side in ("source", "reference"))
+        text += f", locked to {own}, the reference to {other}"
     if WARNED in details:
         return QualityCheck(a.clock, Check.ALIGNMENT, "warn", f"{text}; {details[WARNED]}")
     if "second_apart_s" in details:

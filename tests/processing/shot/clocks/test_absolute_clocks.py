@@ -39,7 +39,10 @@ def test_a_lock_that_is_10_us_wrong_is_used_and_moves_the_mass_by_nothing() -> N
     assert clock_of(right).offset_s == pytest.approx(apart().offset_s, abs=1e-9)
     check = verdict(wrong)
     assert (check.check, check.verdict) == (Check.ALIGNMENT, "ok")
-    assert re.search(r"by absolute; redundant gives -(8|9|1\d)\.\d us from it", check.detail)
+    assert re.search(
+        r"by absolute, locked to irig-b, the reference to irig-b; redundant gives -(8|9|1\d)\.\d us from it",
+        check.detail,
+    )
     before, after = identified(right), identified(wrong)
     u_kg = after.chosen.estimate.u_kg
     assert abs(after.chosen.estimate.mass_kg - before.chosen.estimate.mass_kg) < 0.02 * u_kg
