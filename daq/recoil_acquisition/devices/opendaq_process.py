@@ -53,6 +53,7 @@ SETTLED_S = 0.3
 MOST_WAITING = 256 << 20
 """Bytes that wait for the parent; what comes beyond is not kept, and its ticks are missing."""
 _LOOK_AGAIN_S = 2.0
+_ON_THE_NETWORK = ("daq.nd:", "daq.ns:", "daq.lt:", "daq.opcua:")
 _PIPE_BYTES = 1 << 20
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S, _GROWTH = 0.2, 2.0, 1.5
 
@@ -172,7 +173,7 @@ class _Reading:
             return [
                 f"{one.connection_string} ({one.name})"
                 for one in self._instance.available_devices
-                if str(one.connection_string).startswith("daq.")
+                if str(one.connection_string).startswith(_ON_THE_NETWORK)
             ]
         return []
 

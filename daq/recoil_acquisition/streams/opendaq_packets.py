@@ -1,6 +1,6 @@
 """Packets in which the process that reads an openDAQ device hands on what it reads, and their decoder.
 
-All numbers are little endian. A packet is a head of 20 bytes and a content:
+All numbers are little endian. A packet is a head of 24 bytes and a content:
 
 ====== ======= ==================================================================================================
 bytes  type    meaning
@@ -12,7 +12,8 @@ bytes  type    meaning
 6-7    u16     place of the channel in the description; 0 of what is no samples
 8-11   u32     epoch: samples belong to the description of the same epoch
 12-15  u32     bytes of the content, `LARGEST_CONTENT` at most
-16-19  u32     CRC-32 of bytes 0 to 15 and the content
+16-19  u32     CRC-32 of the content
+20-23  u32     CRC-32 of bytes 0 to 19
 ====== ======= ==================================================================================================
 
 Samples: i64 tick of the first, u32 their number, u8 their type (place in `VALUE_TYPES`), u8 whether each has a tick of
@@ -52,7 +53,7 @@ LARGEST_CONTENT = 1 << 18
 REPEATED_S = 0.5
 """Time after which a description comes again."""
 _TOKEN, _VERSION = b"oDaq", 1
-_HEAD = struct.Struct("<4sBcHIII")
+_HEAD = struct.Struct("<4sBcHIIII")
 _CRC_FROM = _HEAD.size - 4
 _SAMPLES = struct.Struct("<qIBBH")
 _TICK = np.dtype("<i8")
@@ -85,8 +86,8 @@ def packet(kind: bytes, content: bytes = b"", *, epoch: int = 0, channel: int = 
     """Return the bytes of a packet; ValueError if the content is too long."""
     if len(content) > LARGEST_CONTENT:
         raise ValueError(f"the content has {len(content)} bytes, more than {LARGEST_CONTENT}")
-    head = _HEAD.pack(_TOKEN, _VERSION, kind, channel, epoch, len(content), 0)[:_CRC_FROM]
-    return head + zlib.crc32(content, zlib.crc32(head)).to_bytes(4, "little") + content
+    head = _HEAD.pack(_TOKEN, _VERSION, kind, channel, epoch, len(content), zlib.crc32(content), 0)[:_CRC_FROM]
+    return head + zlib.crc32(head).to_bytes(4, "little") + content
 
 
 def samples_packet(epoch: int, channel: int, ticks: Array, values: Array, *, own_ticks: bool) -> bytes:
@@ -179,13 +180,14 @@ class PacketScan:
             at = found
             if len(held) - at < _HEAD.size:
                 break
-            _, version, kind, channel, epoch, size, crc = _HEAD.unpack_from(held, at)
+            _, version, kind, channel, epoch, size, crc, head_crc = _HEAD.unpack_from(held, at)
             ends = at + _HEAD.size + size
             good = version == _VERSION and size <= LARGEST_CONTENT
+            good = good and head_crc == zlib.crc32(held[at : at + _CRC_FROM])
             if good and len(held) < ends:
                 break
             packed = held[at:ends]
-            if not good or crc != zlib.crc32(memoryview(packed)[_HEAD.size :], zlib.crc32(packed[:_CRC_FROM])):
+            if not good or crc != zlib.crc32(memoryview(packed)[_HEAD.size :]):
                 self._strange += 1
                 at += 1
                 continue
