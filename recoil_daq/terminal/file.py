@@ -227,3 +227,5 @@ def print_simulated(document: Mapping[str, Any]) -> None:
     print_table("Simulated shots", ("shot", "true mass, kg", "files", "folder"), rows, numeric=(1,))
     if "shot_log" in document:
         say(f"shot log: {document['shot_log']}")
+    elif len(rows) > 1:
+        say("each shot has sensors of its own; with --campaign-seed N they share them, as a campaign needs")

@@ -340,9 +340,10 @@ def test_check_reports_an_overdue_calibration(run, tmp_path, field_shot: TwinSho
 def test_simulate_gives_each_shot_a_folder(run, tmp_path):
     rig, out = tmp_path / "rig.toml", tmp_path / "out"
     rig.write_text(with_twin("field-2013", **SHORTER).text, encoding="utf-8")
-    result = run("simulate", rig, "--seed", "3", "--shots", "2", "--out", out, "--json")
+    result = run("simulate", rig, "--seed", "3", "--shots", "2", "--out", out)
     assert result.exit_code == 0, result.output
-    assert [s["truth"]["m3"] for s in json.loads(result.stdout)["shots"]] == [782.0, 782.0]
+    assert "each shot has sensors of its own; with --campaign-seed N they share them" in " ".join(result.output.split())
+    assert [json.loads((out / n / "truth.json").read_text())["m3"] for n in ("0001", "0002")] == [782.0, 782.0]
     assert sorted(p.name for p in out.iterdir()) == ["0001", "0002"]
     again = run("simulate", rig, "--seed", "3", "--out", out)
     assert again.exit_code == 3
@@ -471,7 +472,7 @@ def test_ctrl_c_ends_with_130(run, monkeypatch, stored: Path, tmp_path):
 def test_live_and_files_do_not_mix(run, arguments, says):
     result = run("ingest", "mixed", *arguments)
     assert result.exit_code == 2
-    assert says in " ".join(result.stderr.split())
+    assert says in " ".join(result.output.split())
 
 
 @pytest.mark.whole_way
