@@ -6,6 +6,8 @@ import json
 import os
 import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -99,6 +101,70 @@ class TickServer:
 @contextmanager
 def tick_server(**options) -> Iterator[TickServer]:
     server = TickServer(**options)
+    server.start()
+    try:
+        yield server
+    finally:
+        server.kill()
+
+
+_REFERENCE = """
+import os, sys
+import opendaq as daq
+builder = daq.InstanceBuilder()
+builder.global_log_level = daq.LogLevel.Off
+builder.set_root_device("daqref://device0")
+instance = builder.build()
+instance.root_device.set_property_value("NumberOfChannels", int(sys.argv[2]))
+instance.root_device.set_property_value("GlobalSampleRate", int(sys.argv[3]))
+def serve(kind, **ports):
+    made = daq.IComponentType.cast_from(instance.available_server_types[kind]).create_default_config()
+    config = daq.IPropertyObject.cast_from(made)
+    for name, port in ports.items():
+        config.set_property_value(name, port)
+    instance.add_server(kind, config)
+port = int(sys.argv[1])
+serve("OpenDAQNativeStreaming", NativeStreamingPort=port)
+if len(sys.argv) > 4:
+    serve("OpenDAQLTStreaming", WebsocketStreamingPort=int(sys.argv[4]), WebsocketControlPort=int(sys.argv[5]))
+os.write(1, b"listens")
+os.read(0, 1)
+os._exit(0)
+"""
+
+
+class ReferenceServer:
+    """The library's own reference device, served by both of its protocols."""
+
+    def __init__(self, channels=8, rate_hz=200_000):
+        self.port, self._websocket, self._control = free_port(), free_port(), free_port()
+        self._asked = [str(one) for one in (self.port, channels, rate_hz, self._websocket, self._control)]
+
+    @property
+    def address(self):
+        return f"daq.nd://127.0.0.1:{self.port}"
+
+    @property
+    def websocket_address(self):
+        return f"daq.lt://127.0.0.1:{self._websocket}"
+
+    def start(self):
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", _REFERENCE, *self._asked],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        assert self.process.stdout.read(7) == b"listens"
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+        self.process.stdin.close()
+        self.process.stdout.close()
+
+
+@contextmanager
+def reference_server(**options) -> Iterator[ReferenceServer]:
+    server = ReferenceServer(**options)
     server.start()
     try:
         yield server

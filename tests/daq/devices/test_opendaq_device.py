@@ -16,7 +16,7 @@ from recoil_acquisition.devices.device import STREAM
 from recoil_acquisition.devices.opendaq_device import OpendaqDevice
 from recoil_acquisition.errors import DeviceError, ErrorCode
 from recoil_acquisition.packages.extras import Extra
-from tests.builders.opendaq_servers import TICK_RATE, free_port, needs_opendaq, tick_server
+from tests.builders.opendaq_servers import TICK_RATE, free_port, needs_opendaq, reference_server, tick_server
 from tests.builders.stream_books import StreamBook
 
 
@@ -87,8 +87,9 @@ assert "opendaq" not in sys.modules
 """
     paths = os.pathsep.join(one for one in sys.path if one)
     done = subprocess.run(
-        [sys.executable, "-c", script], env=os.environ | {"PYTHONPATH": paths}, capture_output=True, text=True
-    )
+        [sys.executable, "-c", script],
+        env=os.environ | {"PYTHONPATH": paths}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
@@ -111,8 +112,11 @@ def test_it_tells_its_channels_and_each_sample_has_its_tick():
     ]
     assert described.channels[0].said["range"] == "-10 to 10"
     assert book.names == ["opened", "closed"]
-    assert not book.faults and not book.gaps and not book.wrong
-    assert book.samples["c0"] > 15_000 and book.samples["c2"] > 15_000
+    assert not book.faults
+    assert not book.gaps
+    assert not book.wrong
+    assert book.samples["c0"] > 15_000
+    assert book.samples["c2"] > 15_000
     assert counters.received == sum(book.samples.values())
     assert counters.counter_gaps == counters.bad == counters.reopened == 0
 
@@ -127,7 +131,8 @@ def test_whole_numbers_come_as_they_are_with_their_factor():
     (channel,) = book.descriptions[0].channels
     assert (channel.factor, channel.offset) == (0.25, -3.0)
     assert channel.said["values"] == "Int32"
-    assert book.samples["c0"] > 10_000 and not book.wrong
+    assert book.samples["c0"] > 10_000
+    assert not book.wrong
 
 
 @needs_opendaq
@@ -182,8 +187,10 @@ def test_a_recorder_that_stands_still_for_four_seconds_is_lost_and_found():
         read_for(device, book, 10.0, until=lambda: "reopened" in book.names)
         read_for(device, book, 1.5)
         counters = closed(device, book)
-    assert "lost" in book.names and "reopened" in book.names
-    assert not book.wrong and not book.faults
+    assert "lost" in book.names
+    assert "reopened" in book.names
+    assert not book.wrong
+    assert not book.faults
     gaps = sum(map(len, book.gaps.values()))
     assert counters.counter_gaps == gaps
     assert all(gap % 50 == 0 and gap > 0 for these in book.gaps.values() for gap in these)
@@ -212,11 +219,30 @@ def test_its_process_is_started_again_and_the_gap_is_exact(how):
 
 @needs_opendaq
 @pytest.mark.real_time
+def test_a_websocket_stream_that_never_comes_back_by_itself_is_connected_to_anew():
+    with reference_server(channels=2, rate_hz=10_000) as server:
+        device, book = opened(server.websocket_address), StreamBook()
+        read_for(device, book, 1.0)
+        server.kill()
+        read_for(device, book, 3.0)
+        server.start()
+        read_for(device, book, 15.0, until=lambda: "reopened" in book.names)
+        read_for(device, book, 1.0)
+        closed(device, book)
+    assert book.names == ["opened", "stalled", "lost", "reopened", "closed"]
+    assert [one.name for one in book.descriptions[-1].channels] == ["AI0", "AI1"]
+    assert [len(gaps) for gaps in book.gaps.values()] == [1, 1]
+    assert 3_000_000 < book.gaps["AI0"][0] < 20_000_000
+
+
+@needs_opendaq
+@pytest.mark.real_time
 def test_what_does_not_answer_is_said_in_one_line():
     with pytest.raises(DeviceError) as caught:
         opened(f"daq.nd://127.0.0.1:{free_port()}")
     said = str(caught.value)
-    assert said.startswith("source 'daq': daq.nd://127.0.0.1:") and "\n" not in said
+    assert said.startswith("source 'daq': daq.nd://127.0.0.1:")
+    assert "\n" not in said
     assert caught.value.found is not None
 
 
@@ -233,8 +259,9 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
     paths = os.pathsep.join(one for one in sys.path if one)
     done = subprocess.run(
-        [sys.executable, "-c", script], env=os.environ | {"PYTHONPATH": paths}, capture_output=True, text=True
-    )
+        [sys.executable, "-c", script],
+        env=os.environ | {"PYTHONPATH": paths}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
     pid = int(done.stdout)
     ends = time.monotonic() + 5.0
     while time.monotonic() < ends:

@@ -59,7 +59,8 @@ def test_a_stream_comes_out_as_it_went_in():
     assert described == DESCRIBED
     assert (first.channel, first.first_tick, first.raw.tolist(), first.ticks) == (0, 100, list(range(10)), None)
     assert (own.channel, own.ticks.tolist()) == (1, [3, 4, 9, 2**50])
-    assert own.raw[:3].tolist() == [1.5, -2.5, 0.0] and np.isnan(own.raw[3])
+    assert own.raw[:3].tolist() == [1.5, -2.5, 0.0]
+    assert np.isnan(own.raw[3])
     assert (second.first_tick, second.raw.dtype) == (150, np.dtype("<i4"))
 
 
