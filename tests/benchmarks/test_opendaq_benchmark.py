@@ -7,13 +7,12 @@ import random
 import signal
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
 from recoil_acquisition.devices.opendaq_device import OpendaqDevice
 from recoil_acquisition.devices.reader_thread import DeviceReader
-from tests.benchmarks.test_live_benchmark import MOST_GROWTH_MB, SECONDS
+from tests.benchmarks.test_live_benchmark import MOST_GROWTH_MB, SECONDS, cpu_s, resident_mb
 from tests.builders.opendaq_servers import needs_opendaq, reference_server, tick_server
 from tests.builders.stream_books import StreamBook
 
@@ -24,15 +23,6 @@ KILLS = 10
 _LOOK_S = 5.0
 
 pytestmark = [pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc"), needs_opendaq]
-
-
-def cpu_s(pid: int) -> float:
-    fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-def memory_mb(pid: int) -> float:
-    return int(Path(f"/proc/{pid}/statm").read_text(encoding="utf-8").split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 @pytest.mark.parametrize("protocol", ["native", "websocket"])
@@ -49,7 +39,7 @@ def test_eight_fast_channels_of_the_reference_device_are_read_without_a_loss(cap
             began_s, memory, oldest_s = time.monotonic(), [], 0.0
             while time.monotonic() < began_s + SECONDS:
                 time.sleep(min(_LOOK_S, SECONDS / 4))
-                memory.append({name: memory_mb(pid) for name, pid in pids.items()})
+                memory.append({name: resident_mb(pid) for name, pid in pids.items()})
                 oldest_s = max(oldest_s, reader.data_age_s or 0.0)
             lasted_s = time.monotonic() - began_s
             shares = {name: (cpu_s(pid) - before[name]) / lasted_s for name, pid in pids.items()}
