@@ -95,6 +95,7 @@ def page() -> str:
             section(f'`align = {{ method = "{_method(model)}", .. }}`', _text(model), rows_of(model))
             for model in get_args(get_args(rig.Alignment)[0])
         ),
+        section("`time` of a source", _text(rig.AbsoluteTime), rows_of(rig.AbsoluteTime)),
         section("`device` of a can source", "", [(key, *row) for key, row in DEVICE_OF_BUS.items()]),
         section("`device` of a serial source", "", [(key, *row) for key, row in DEVICE_OF_PORT.items()]),
         section("`[source.layout]` of a recorder", "A table of text that does not say so itself.", rows_of(TextLayout)),

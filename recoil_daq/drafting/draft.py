@@ -193,7 +193,7 @@ def _alignment(
             else "no signal of the file repeats one of the reference clock, or shows its motion"
         )
         meaning = (
-            '{ method = "motion", against = ".." }, "redundant", "trigger", "exposure" or "fixed": '
+            '{ method = "motion", against = ".." }, "redundant", "trigger", "exposure", "absolute" or "fixed": '
             f"{why}; docs/rig-file.md"
         )
         yield Entry("align", Question(meaning, read=a_table("align", _Aligned)))

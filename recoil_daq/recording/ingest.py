@@ -32,6 +32,7 @@ from recoil_acquisition.shot.recorded_file import EXCERPTS, INGEST, RecordedFile
 from recoil_acquisition.shot.shot import InputFile, Shot
 from recoil_acquisition.store import write_shot
 from recoil_daq.recording.doubles import made_in, refusal
+from recoil_daq.recording.preview_check import compared_previews, marked_previews
 from recoil_daq.recording.shot_log_rows import ADDED_MASS, add_row, as_planned
 from recoil_daq.recording.supposed_file import serial_source
 from recoil_daq.terminal.result import Printed, Progress
@@ -219,6 +220,7 @@ def ingest_files(
                 file_end=FileEnd.MISSING,
                 remedy="copy it again, or take what is there with --accept-incomplete",
             )
+    opened = dict(recordings)
     progress("find the shot")
     recordings = cut_long_recordings(rig, recordings, at_s)
     if acquisition is not None:
@@ -237,6 +239,8 @@ def ingest_files(
         **({"without": sorted(left)} if left else {}),
     }
     inputs = tuple(InputFile.of(path, source, recordings[source].reader) for source, path in matched.items())
+    # a capture of which the instruments' own files have all says how the shot was acquired
+    inputs += tuple(InputFile.of(path, "", "acquisition") for path in captures if path not in matched.values())
     if not doubles:
         made_of = RecordedFile.of_shot(inputs, (Step(INGEST, __version__, parameters),))
         others = {path: files for path, files in made_in(target.parent).items() if path != target}
@@ -266,6 +270,9 @@ def ingest_files(
         FiredShot(assembled, rig), alignments, recordings, day, {name: passed.get(name, "") for name in left}
     )
     parameters |= {ADDED_MASS: rig.added_mass_kg} if rig.added_mass_kg else {}
+    compared = compared_previews(rig, captures, readers, matched, opened, recordings)
+    quality += (*marked_previews(captures, matched), *(check for one in compared for check in one.checks))
+    assembled = replace(assembled, history=(*assembled.history, *(one.step(__version__) for one in compared)))
     against_mass = against_the_record(FiredShot(replace(assembled, alignments=alignments, quality=quality), rig))
     finished = assembled.with_results(alignments, quality, Step(INGEST, __version__, parameters), against_mass)
     progress("write")

@@ -41,6 +41,8 @@ from recoil_rigs.tables.knowledge import NOTHING_KNOWN, Knowledge
 from recoil_rigs.tables.rig_tables import (
     MOTIONS,
     ROLES,
+    AbsoluteAlignment,
+    AbsoluteTime,
     Alignment,
     ExposureAlignment,
     FixedAlignment,
@@ -56,6 +58,8 @@ __all__ = [
     "MOTIONS",
     "ROLES",
     "SCHEMA",
+    "AbsoluteAlignment",
+    "AbsoluteTime",
     "Alignment",
     "ChannelSpec",
     "ExposureAlignment",

@@ -43,8 +43,8 @@ VALUES: dict[type[StrEnum], str] = {
         "doubtful start"
     ),
     Check: (
-        "file, file names, reader, missing frames, stream, late stamps, delivery, connection, kernel drops, damaged "
-        "entries, error frames, unanswered, pre-time, trigger, journal, clock fit, clock steps, clock stamps, "
+        "file, file names, reader, missing frames, stream, late stamps, preview, delivery, connection, kernel drops, "
+        "damaged entries, error frames, unanswered, pre-time, trigger, journal, clock fit, clock steps, clock stamps, "
         "alignment, losses, constant, code, overflow, range, flat tops, held values, time steps, "
         "gap of the reference, baseline, steady "
         "baseline, level after, filtered noise, hum, out of band, aliasing, spectral gap, shock response, polarity, "

@@ -9,6 +9,7 @@ from typing import Any
 
 from recoil_acquisition.capture.engine import SETTLE_S
 from recoil_acquisition.capture.session_record import LiveRecord
+from recoil_acquisition.devices.described import DESCRIBED
 from recoil_acquisition.devices.device import EVENT, LATE_S, DeviceEvent, event_of
 from recoil_acquisition.errors import CorruptFileError, StoreError, system_errors_as
 from recoil_acquisition.log.capture import capture_holds, capture_scan, write_capture
@@ -54,7 +55,8 @@ def cuts_of(log: Log, session: LiveRecord, start_ns: int | None, stop_ns: int | 
         block = session.block(record)
         cut, before_ns = cuts[block.source], read_ns.get(block.source)
         if block.kind == EVENT:
-            cut.events.append((block.host_ns, event_of(block)))
+            if (event := event_of(block)).name != DESCRIBED:  # what is said again and again is nothing that happened
+                cut.events.append((block.host_ns, event))
             continue
         read_ns[block.source] = block.host_ns
         if not block.is_data:

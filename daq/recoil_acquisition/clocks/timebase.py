@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import math
+import re
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,6 +15,9 @@ from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 
 WALL_CLOCK_NS = 10**18
 """Stamp of September 2001, beyond which a clock counts from 1970, since no other counts 31 years."""
+
+_FRACTION = re.compile(r"[.,](\d+)")
+"""Digits behind the second of a time of ISO 8601, of which a `datetime` keeps six."""
 
 FIRST_YEAR, LAST_YEAR = 1981, 2100
 """Years of which a start may be."""
@@ -48,11 +52,14 @@ class AbsoluteStart:
         Zone: ``UTC``, an offset such as ``+02:00``, or ``unknown``.
     origin
         Place where it was read, for example ``first row of the time column``.
+    locked_to
+        Lock of the clock in the words of the instrument, such as ``PTP``; empty where it says nothing.
     """
 
     text: str
     zone: str
     origin: str
+    locked_to: str = ""
 
     @classmethod
     def since_1970(cls, time_ns: int, zone: str, origin: str) -> AbsoluteStart | None:
@@ -78,6 +85,20 @@ class AbsoluteStart:
         """
         moment = self.moment
         return moment is not None and not FIRST_YEAR <= moment.year <= LAST_YEAR
+
+    @property
+    def exact_ns(self) -> tuple[int, int] | None:
+        """The start in ns since 1970, and the ns to which it is given; None if it is no ISO 8601.
+
+        It counts in UTC; one whose zone is unknown counts in that zone.
+        """
+        moment, digits = self.moment, _FRACTION.search(self.text)
+        if moment is None:
+            return None
+        since = moment.replace(tzinfo=moment.tzinfo or dt.UTC) - dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
+        fraction = "" if digits is None else digits.group(1)[:9]
+        seconds = since.days * 86_400 + since.seconds
+        return 10**9 * seconds + int(fraction.ljust(9, "0")), 10 ** (9 - len(fraction))
 
     @property
     def moment(self) -> dt.datetime | None:

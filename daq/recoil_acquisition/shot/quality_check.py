@@ -23,6 +23,8 @@ class Check(StrEnum):
     STREAM = "stream"
     LATE_STAMPS = "late stamps"
     """Stamps that come in bursts or behind a stall."""
+    PREVIEW = "preview"
+    """What was read live of an instrument that writes a file of its own, and how it stands beside that."""
     DELIVERY = "delivery"
     CONNECTION = "connection"
     KERNEL_DROPS = "kernel drops"

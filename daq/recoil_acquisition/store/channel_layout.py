@@ -116,6 +116,8 @@ def _write_time(group: Any, time_base: TimeBase, filters: Mapping[str, Any]) -> 
         time.attrs["absolute_start"] = time_base.absolute_start.text
         time.attrs["absolute_start_zone"] = time_base.absolute_start.zone
         time.attrs["absolute_start_origin"] = time_base.absolute_start.origin
+        if time_base.absolute_start.locked_to:
+            time.attrs["absolute_start_locked_to"] = time_base.absolute_start.locked_to
     return time
 
 
@@ -184,6 +186,7 @@ def _read_time(time: Any) -> TimeBase:
             text=str(attributes["absolute_start"]),
             zone=str(attributes["absolute_start_zone"]),
             origin=str(attributes["absolute_start_origin"]),
+            locked_to=str(attributes.get("absolute_start_locked_to", "")),
         )
     stamps = time[()]
     clock, start_s = str(attributes["clock"]), float(attributes["start_s"])

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from types import MappingProxyType
 from typing import Any, Protocol
 
 from recoil_acquisition.numerics.read_only import ReadOnlyArrays
@@ -37,7 +36,7 @@ class TickChannel:
     step: int = 1
     factor: float = 1.0
     offset: float = 0.0
-    said: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    said: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -100,3 +99,6 @@ class TickDecoder(Protocol):
 
     def skip(self) -> None:
         """Note that bytes are missing before the next: what is half there will not be completed."""
+
+    def describe(self, description: StreamDescription) -> None:
+        """Take what a device said of the stream, for bytes that begin behind the stream's own description."""

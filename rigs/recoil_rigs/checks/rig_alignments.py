@@ -12,6 +12,8 @@ from recoil_rigs.tables.channel_table import ChannelSpec
 from recoil_rigs.tables.rig_tables import (
     FORCE_ROLES,
     MOTIONS,
+    ROLES,
+    AbsoluteAlignment,
     ExposureAlignment,
     MotionAlignment,
     RedundantAlignment,
@@ -57,6 +59,64 @@ def motion_channels(
     return sorted(fitting, key=lambda c: (c.role != "recoil_displacement", c.quantity != "displacement"))
 
 
+def second_way(
+    source: Source, reference: str, channels: Sequence[ChannelSpec]
+) -> MotionAlignment | RedundantAlignment | None:
+    """Return the alignment that is the second opinion on absolute time; None where nothing else tells the offset.
+
+    What the rig does not name is what every shot has: the recoil, which a channel of the reference clock has as an
+    acceleration, or else a channel whose role one of the reference clock bears too.
+
+    Parameters
+    ----------
+    reference
+        Name of the reference clock.
+    channels
+        Channels of the rig.
+    """
+    align = source.align
+    if not isinstance(align, AbsoluteAlignment):
+        return None
+    of_reference = [c for c in channels if c.source == reference and align.against in (None, c.name)]
+    own = [c for c in channels if c.source == source.name and align.channel in (None, c.name)]
+    drift_allowance = align.drift_allowance
+    if align.against is None:
+        named = align.channel is not None
+        accelerometers = [c for c in of_reference if c.role == "recoil_acceleration"]
+        moving = [c for c in own if named or c.role in ("recoil_displacement", "recoil_velocity")]
+    else:
+        accelerometers, moving = of_reference, own
+    for against in accelerometers:
+        fitting = [c for c in moving if c in motion_channels(source.name, align.channel, against.name, channels)]
+        if fitting and fitting[0].quantity != against.quantity:
+            return MotionAlignment(
+                method="motion", against=against.name, channel=fitting[0].name, drift_allowance=drift_allowance
+            )
+    for one, other in ((one, other) for one in own for other in of_reference):
+        alike = one.quantity == other.quantity
+        if alike and (align.against is not None or (one.role in ROLES and one.role == other.role)):
+            return RedundantAlignment(
+                method="redundant", channel=one.name, against=other.name, drift_allowance=drift_allowance
+            )
+    return None
+
+
+def _faults_of_locks(where: KeyPath, source: Source, reference: str, file: RigFile) -> list[Fault]:
+    """Name the clocks of both sides of absolute time that are locked to nothing, or that nothing can tell of."""
+    faults = []
+    for at, one in file.sources.legible:
+        if one.name not in (source.name, reference):
+            continue
+        if one.time is not None and one.time.by == "free":
+            problem = f"the clock of {one.name!r} runs free: absolute time says nothing of it; name another way"
+            faults.append(Fault((*where, "method"), problem, FaultCode.CONTRADICTION))
+        elif one.time is None and one.kind != "dewetron":
+            problem = "is missing: absolute time needs what its clock is locked to"
+            problem += ', such as `time = { by = "ptp" }`; no file of it says so itself'
+            faults.append(Fault((*at, "time"), problem, FaultCode.MISSING))
+    return faults
+
+
 def faults_of_alignment(where: KeyPath, source: Source, reference: str, file: RigFile) -> list[Fault]:
     """Check a source's alignment.
 
@@ -93,9 +153,9 @@ def faults_of_alignment(where: KeyPath, source: Source, reference: str, file: Ri
 
     of_reference = f"the reference clock {reference!r}"
     against = own = None
-    if isinstance(align, MotionAlignment | RedundantAlignment | ExposureAlignment):
+    if isinstance(align, MotionAlignment | RedundantAlignment | ExposureAlignment | AbsoluteAlignment):
         against = check("against", align.against, reference, of_reference)
-    if isinstance(align, MotionAlignment | RedundantAlignment | TriggerAlignment):
+    if isinstance(align, MotionAlignment | RedundantAlignment | TriggerAlignment | AbsoluteAlignment):
         own = check("channel", align.channel, source.name, "this source")
     if isinstance(align, ExposureAlignment):
         pulses = check("channel", align.channel, reference, of_reference)
@@ -109,6 +169,14 @@ def faults_of_alignment(where: KeyPath, source: Source, reference: str, file: Ri
         faults += _faults_of_bodies(where, own, against)
     if isinstance(align, MotionAlignment) and against:
         faults += _faults_of_motion(where, source, align, own, against, channels if complete else None)
+    if isinstance(align, AbsoluteAlignment):
+        faults += _faults_of_locks(where, source, reference, file)
+        other = second_way(source, reference, channels) if complete else None
+        if other is None and complete and not faults and (align.against is not None or align.channel is not None):
+            what = ", ".join(repr(name) for name in (align.channel, align.against) if name is not None)
+            faults.append(unfit(f"no other channel is there that {what} may be compared with"))
+        elif isinstance(other, MotionAlignment) and own and against:
+            faults += _faults_of_motion(where, source, other, own, against, channels)
     triggered = any(c.source == reference and c.role == "trigger" for c in channels)
     if isinstance(align, TriggerAlignment) and complete and not triggered:
         problem = f"no channel of the reference clock {reference!r} has the role `trigger`"

@@ -124,6 +124,26 @@ class ExposureAlignment(DeclaredTable):
     """Share by which the source's clock may run fast or slow where the records cannot tell; 1e-6 is 1 ppm."""
 
 
+class AbsoluteAlignment(DeclaredTable):
+    """Align a source by absolute time: what its own start and that of the reference clock say.
+
+    Both clocks must be locked to absolute time, see ``time`` of a source. Where a motion, or a channel that both
+    recorded, tells the offset too, it is the second opinion.
+    """
+
+    method: Literal["absolute"]
+    u_s: Positive | None = None
+    """Standard uncertainty of the two clocks' offset, s; if left out, that of their locks: between two by PTP 150 ns,
+    by GPS 1 us, by IRIG-B 10 us."""
+    channel: Text | None = None
+    """Name of the source's channel that the second opinion compares; the recoil's, if left out."""
+    against: Text | None = None
+    """Name of the reference clock's channel that it is compared with; the recoil's accelerometer, or the channel of the
+    same role, if left out."""
+    drift_allowance: NotNegative = 5e-5
+    """Share by which the source's clock may run fast or slow for the second opinion; 1e-6 is 1 ppm."""
+
+
 class FixedAlignment(DeclaredTable):
     """Take the offset as known: ``t_ref = (1 + drift) * t_source + offset_s``."""
 
@@ -138,9 +158,21 @@ class FixedAlignment(DeclaredTable):
 
 
 Alignment = Annotated[
-    MotionAlignment | RedundantAlignment | TriggerAlignment | ExposureAlignment | FixedAlignment,
+    MotionAlignment | RedundantAlignment | TriggerAlignment | ExposureAlignment | AbsoluteAlignment | FixedAlignment,
     Field(discriminator="method"),
 ]
+
+
+class AbsoluteTime(DeclaredTable):
+    """Absolute time of a recorder's clock, or of this computer's where a bus or a port is read live.
+
+    What a recorder says of its lock itself counts before it.
+    """
+
+    by: Literal["ptp", "gps", "irig-b", "free"] = Field(
+        description="what the clock is locked to; `free` where to nothing"
+    )
+
 
 MOTIONS = MappingProxyType(
     {
@@ -229,6 +261,8 @@ class Source(DeclaredTable):
     part if left out."""
     device: dict[str, Any] | None = None
     """Device that is opened live, see ``device``."""
+    time: AbsoluteTime | None = None
+    """Absolute time that its clock is locked to, see ``time``."""
     align: Alignment | None = None
     """Way in which its clock is found on the reference clock, see ``align``; needed of every other source."""
 

@@ -237,3 +237,22 @@ def test_lost_samples_are_no_rounding() -> None:
 )  # fmt: skip
 def test_a_start_of_a_clock_that_was_never_set_is_doubtful(text: str, doubtful: bool) -> None:
     assert AbsoluteStart(text, "unknown", "head").is_doubtful == doubtful
+
+
+@pytest.mark.parametrize(
+    ("text", "zone", "exact"),
+    [
+        ("2026-03-01T12:00:00", "UTC", (1_772_366_400_000_000_000, 10**9)),
+        ("2026-03-01T12:00:00.978", "UTC", (1_772_366_400_978_000_000, 10**6)),
+        ("2026-03-01T12:00:00.123456789", "UTC", (1_772_366_400_123_456_789, 1)),
+        ("2026-03-01T12:00:00.1234567891234", "UTC", (1_772_366_400_123_456_789, 1)),
+        ("2026-03-01T14:00:00.5", "+02:00", (1_772_366_400_500_000_000, 10**8)),
+        ("2026-03-01T12:00:00,25", "unknown", (1_772_366_400_250_000_000, 10**7)),
+        ("1969-12-31T23:59:59.75", "UTC", (-250_000_000, 10**7)),
+        ("noon", "UTC", None),
+    ],
+)
+def test_a_start_is_exact_to_the_digits_that_it_is_given_with(
+    text: str, zone: str, exact: tuple[int, int] | None
+) -> None:
+    assert AbsoluteStart(text, zone, "header").exact_ns == exact

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import RigError
-from recoil_rigs.rig import ExposureAlignment, MotionAlignment, Rig, parse_rig
+from recoil_rigs.checks.rig_alignments import second_way
+from recoil_rigs.rig import ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, parse_rig
 
 HEAD = """\
 schema = "recoil-daq/rig/1"
@@ -234,3 +235,62 @@ def test_what_the_forces_of_a_line_do_not_drive_is_refused() -> None:
     with pytest.raises(RigError) as caught:
         line(named, cell, channel("other_force", "other", "force", "driving_force"))
     assert "repeats 'f'" in str(caught.value.faults[0])
+
+
+LOCKED = HEAD.replace('kind = "dewetron"\n', 'kind = "dewetron"\ntime = { by = "ptp" }\n')
+PTP = 'time = { by = "ptp" }\n'
+
+
+def absolute(more: str = "", kind: str = "dewetron", keys: str = PTP) -> str:
+    return source(", ".join(filter(None, ('method = "absolute"', more))), kind, keys)
+
+
+def test_absolute_time_is_compared_with_the_recoil_or_a_channel_of_the_same_role_or_what_the_rig_names() -> None:
+    travel = channel("x", "other", "displacement", "recoil_displacement")
+    gauges = [channel(f"p_{at}", at, "pressure", "breech_pressure") for at in ("daq", "other")]
+    again = channel("acc_2", "other", "acceleration")
+    cases = [
+        (absolute(), [ACC, travel], MotionAlignment(method="motion", channel="x", against="acc")),
+        (absolute(), gauges, RedundantAlignment(method="redundant", channel="p_other", against="p_daq")),
+        (absolute(), [ACC, *gauges, travel], MotionAlignment(method="motion", channel="x", against="acc")),
+        (absolute(), [ACC, again], None),
+        (
+            absolute('channel = "acc_2", against = "acc", drift_allowance = 1e-6'),
+            [ACC, again],
+            RedundantAlignment(method="redundant", channel="acc_2", against="acc", drift_allowance=1e-6),
+        ),
+        (
+            absolute('against = "acc"'),
+            [ACC, channel("v", "other", "velocity")],
+            MotionAlignment(method="motion", channel="v", against="acc"),
+        ),
+    ]
+    for table, channels, expected in cases:
+        one = parse_rig(LOCKED + table + "".join(channels), Path("bench.toml"))
+        assert second_way(one.source("other"), "daq", one.channels) == expected
+
+
+@pytest.mark.parametrize(
+    ("head", "tables", "says"),
+    [
+        (
+            LOCKED,
+            [absolute(keys='time = { by = "free" }\n'), ACC],
+            "the clock of 'other' runs free: absolute time says",
+        ),
+        (LOCKED.replace("ptp", "free"), [absolute(), ACC], "the clock of 'daq' runs free"),
+        (LOCKED, [absolute(kind="camera", keys=""), ACC], "needs what its clock is locked to"),
+        (LOCKED, [absolute('channel = "y"'), ACC], "'y' is no channel"),
+        (LOCKED, [absolute('against = "t"'), ACC, channel("t", "daq", "temperature")], "no other channel is there"),
+        (LOCKED, [absolute("u_s = 0"), ACC], "u_s"),
+    ],
+)
+def test_absolute_time_needs_two_clocks_that_are_locked(head: str, tables: list[str], says: str) -> None:
+    with pytest.raises(RigError) as caught:
+        parse_rig(head + "".join(tables), Path("bench.toml"))
+    assert len(caught.value.faults) == 1
+    assert says in str(caught.value)
+
+
+def test_a_recorder_may_say_itself_what_it_is_locked_to() -> None:
+    assert parse_rig(HEAD + absolute(keys="") + ACC, Path("bench.toml")).source("other").time is None

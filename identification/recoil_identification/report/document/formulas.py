@@ -121,6 +121,10 @@ _ALIGNED: Mapping[str, Formula] = {
         f"{_CLOCK}, a line through the pulses of the camera's exposures",
         _EDGES,
     ),
+    "absolute": Formula(
+        f"{_CLOCK}, the absolute time at the source's zero less that at the reference clock's",
+        "the starts of both recorders, and what their clocks are locked to",
+    ),
     "fixed": Formula(f"{_CLOCK}, as the rig file states it", "the rig file"),
 }  # fmt: skip
 _TABLE: tuple[tuple[str, Formula], ...] = (

@@ -31,7 +31,10 @@ CABLE = "check the cable and the bus load before the next shot"
 
 
 def check_acquisition(
-    acquisition: Acquisition | None, recordings: Mapping[str, Recording], essential: Collection[str]
+    acquisition: Acquisition | None,
+    recordings: Mapping[str, Recording],
+    essential: Collection[str],
+    replaced: Collection[str] = (),
 ) -> tuple[QualityCheck, ...]:
     """Check what was lost of each source, and whether the shot was acquired as the trigger asks for.
 
@@ -44,6 +47,8 @@ def check_acquisition(
         Recordings by source.
     essential
         Sources that have a channel with a role: what they lose can fail the shot.
+    replaced
+        Sources whose instrument's own file took the place of what was read live: what that lost is in the file.
 
     Returns
     -------
@@ -60,9 +65,12 @@ def check_acquisition(
         worst: Verdict = "fail" if name in essential else "warn"
         found = [*_counted(metadata, gone_s, worst), *_stream(metadata, worst)]
         if source is not None:
-            found += _connection(source, metadata, gone_s, worst)
-            found += _met(source, metadata, worst)
-            if name not in recordings and source.file:
+            met: Verdict = "warn" if name in replaced else worst
+            found += _connection(source, metadata, gone_s, met)
+            found += _met(source, metadata, met)
+            if name in replaced:
+                pass
+            elif name not in recordings and source.file:
                 found.append((Check.FILE, "warn", f"its capture {source.file} was not given; add it"))
             elif name in recordings and source.file and recordings[name].path.name != source.file:
                 file = f"acquired as {source.file}, given as {recordings[name].path.name}: are they of one shot?"

@@ -12,6 +12,7 @@ import numpy as np
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.files.shot_name import numbers_of
+from recoil_acquisition.live_kind import live_kind_of
 from recoil_acquisition.measured import joined, worded
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.quantities.quantity import SI_UNITS
@@ -19,6 +20,7 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.remark import Caution, CautionCode
 from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from recoil_acquisition.shot.shot import ClockAlignment, Shot
+from recoil_processing.alignment.absolute_alignment import WARNED
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.quality.loss_checks import GAP_STEPS
@@ -93,7 +95,7 @@ def check_shot(
     essential = {c.source for c in fired.rig.channels if c.role}
     checks += [
         check
-        for check in check_acquisition(fired.shot.acquisition, recordings, essential)
+        for check in check_acquisition(fired.shot.acquisition, recordings, essential, _replaced(fired, recordings))
         if check.channel not in without
     ]
     checks += check_clock_fits(fired.shot.clock_fits)
@@ -106,12 +108,20 @@ def check_shot(
     shifts = [check for alignment in alignments for check in _zero_shift(alignment, fired.shot, onset)]
     recoil = None if once and onset is None else recoil_of(lean, by_clock)
     checks += _channels(fired, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
-    checks += [_alignment_check(alignment) for alignment in alignments]
+    checks += [alignment_check(alignment) for alignment in alignments]
     checks = _with_gaps_named(checks, fired, alignments)
     checks += shifts
     checks += check_sensors(fired, alignments)
     checks += calibration_checks(fired.rig, day)
     return tuple(weighed(checks, lean, recoil))
+
+
+def _replaced(fired: FiredShot, recordings: Mapping[str, Recording]) -> set[str]:
+    """Return the sources whose instrument's own file took the place of what was read of it live."""
+    live = {} if fired.shot.acquisition is None else {one.name: one.file for one in fired.shot.acquisition.sources}
+    kinds = {source.name: live_kind_of(source.kind, source.device) for source in fired.rig.sources if source.device}
+    previewed = {name for name, kind in kinds.items() if kind is not None and kind.is_preview}
+    return {name for name in previewed & {*recordings} & {*live} if recordings[name].path.name != live[name]}
 
 
 def calibration_checks(rig: Rig, day: CalibrationDay) -> list[QualityCheck]:
@@ -285,13 +295,20 @@ def _against_camera(
     return [] if outcome is None else [(Check.VELOCITY, outcome)]
 
 
-def _alignment_check(a: ClockAlignment) -> QualityCheck:
+def alignment_check(a: ClockAlignment) -> QualityCheck:
+    """Judge a clock's alignment, and say by what it is, and what a second opinion on it gives."""
     if a.status == "failed":
         return QualityCheck(a.clock, Check.ALIGNMENT, "fail", worded(f"by {a.method}: ", joined("; ", a.reasons)))
     offset = f"offset {1e3 * a.offset_s:+.4f} ms, u {1e6 * a.u_offset_s:.1f} us"
     text = f"{offset}, drift {1e6 * a.drift:+.1f} ppm, by {a.method}"
     if a.status == "ambiguous":
         return QualityCheck(a.clock, Check.ALIGNMENT, "warn", worded(f"{text}; ambiguous: ", joined("; ", a.reasons)))
+    details = a.details or {}
+    if WARNED in details:
+        return QualityCheck(a.clock, Check.ALIGNMENT, "warn", f"{text}; {details[WARNED]}")
+    if "second_apart_s" in details:
+        apart, u = (1e6 * float(details[key]) for key in ("second_apart_s", "u_second_s"))
+        text += f"; {details['second_method']} gives {apart:+.1f} us from it, u {u:.1f} us"
     return QualityCheck(a.clock, Check.ALIGNMENT, "ok", text)
 
 
