@@ -6,6 +6,7 @@ from collections import defaultdict
 
 import numpy as np
 
+from recoil_acquisition.devices.described import DESCRIBED
 from recoil_acquisition.devices.device import EVENT, event_of
 from recoil_acquisition.streams.opendaq_packets import OpendaqDecoder
 from recoil_acquisition.streams.tick_stream import StreamDescription, StreamFault
@@ -19,14 +20,16 @@ class StreamBook:
         self.events, self.faults, self.descriptions = [], [], []
         self.gaps = defaultdict(list)
         self.samples = defaultdict(int)
-        self.wrong = 0
+        self.wrong = self.said = 0
         self._next = {}
 
     def take(self, block):
         if block is None:
             return
         if block.kind == EVENT:
-            self.events.append(event_of(block))
+            event = event_of(block)
+            self.said += event.name == DESCRIBED
+            self.events += [event] if event.name != DESCRIBED else []
             return
         for item in self.decoder.feed(block.payload):
             if isinstance(item, StreamFault):

@@ -17,6 +17,7 @@ from itertools import zip_longest
 from typing import Any
 
 from recoil_acquisition.devices.declarations import DeviceDeclarations
+from recoil_acquisition.devices.described import REPEATED_S, described_events
 from recoil_acquisition.devices.device import STREAM, Block, Counters, EmptyLook, event_block
 from recoil_acquisition.devices.opendaq_process import (
     CONNECTED,
@@ -38,9 +39,9 @@ from recoil_acquisition.streams.opendaq_packets import (
     SAMPLES,
     Packet,
     PacketScan,
-    description,
     samples_of,
 )
+from recoil_acquisition.streams.packed_description import description_of
 from recoil_acquisition.streams.tick_stream import StreamDescription, StreamFault
 
 PREFIXES = ("daq.nd://", "daq.ns://", "daq.lt://", "daqref://")
@@ -167,6 +168,7 @@ class OpendaqDevice:
         self._wanted = self._is_lost = self._has_stalled = False
         self._state = CONNECTING
         self._alive_s = self._sampled_s = 0.0
+        self._said_ns = 0
         self._received = self._bad = self._gaps = self._reopened = 0
 
     @property
@@ -327,6 +329,8 @@ class OpendaqDevice:
             else:
                 goes_on = self._sort(packet, read_ns, empty_ns) and goes_on
         self._close_block(read_ns, empty_ns)
+        if self._described is not None and read_ns - self._said_ns >= REPEATED_S * 1e9 and not self._is_lost:
+            self._say_description(read_ns)
         return goes_on
 
     def _sort(self, packet: Packet, read_ns: int, empty_ns: int) -> bool:
@@ -348,9 +352,12 @@ class OpendaqDevice:
             return True
         if packet.kind == FAULT:
             self._bad += 1
-        elif packet.kind == DESCRIPTION and packet.epoch != self._epoch:
+        elif packet.kind == DESCRIPTION:
+            # before any event that says the same: what was sent before is of what was said before
+            self._data.append(packet.packed)
             self._close_block(read_ns, empty_ns)
             self._describe(packet)
+            return True
         elif packet.kind == SAMPLES:
             if self._is_lost:
                 self._close_block(read_ns, empty_ns)
@@ -362,15 +369,21 @@ class OpendaqDevice:
         return True
 
     def _describe(self, packet: Packet) -> None:
-        before, self._described = self._channels, description(packet.content)
+        before, self._described = self._channels, description_of(packet.content)
         self._epoch = packet.epoch
         for place, (old, new) in enumerate(zip_longest(before, self._channels)):
             if old is None or new is None or (old.name, old.step) != (new.name, new.step):
                 self._next.pop(place, None)
         if self._is_lost:
             self._tell_found()
+        self._say_description(time.monotonic_ns())
         self._has_stalled = False
         self._alive_s = self._sampled_s = time.monotonic()
+
+    def _say_description(self, host_ns: int) -> None:
+        if self._described is not None:
+            self._said_ns = host_ns
+            self._ahead += described_events(self.name, host_ns, self._described)
 
     def _tell_found(self) -> None:
         self._is_lost = False

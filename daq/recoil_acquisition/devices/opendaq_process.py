@@ -34,7 +34,6 @@ from recoil_acquisition.devices.opendaq_signals import (
 from recoil_acquisition.streams.opendaq_packets import (
     FAULT,
     LARGEST_CONTENT,
-    REPEATED_S,
     description_packet,
     packet,
     samples_packet,
@@ -120,9 +119,8 @@ class _Reading:
     def __init__(self, daq: Any, address: str, epoch: int, out: _Out) -> None:
         self._daq, self._address, self._epoch, self._out = daq, address, epoch, out
         self.state = CONNECTING
-        self._told_s = self._described_s = self._looked_s = 0.0
+        self._told_s = self._looked_s = 0.0
         self._time_by, self._was_lost = "", False
-        self._description = b""
         self._described: StreamDescription | None = None
         self._device: Any = None
         self._signals = DeviceSignals()
@@ -194,9 +192,6 @@ class _Reading:
                     self._describe(anew=True)
                 own = reader.channel.step == 0
                 self._out.put(samples_packet(self._epoch, place, run.ticks, run.values, own_ticks=own))
-        if now_s - self._described_s > REPEATED_S:
-            self._described_s = now_s
-            self._out.put(self._description)
         self.tell()
 
     def tell(self, *, at_once: bool = False) -> None:
@@ -236,9 +231,7 @@ class _Reading:
             one.forget_grid()
         self._described, self._was_lost = described, False
         self._epoch += 1
-        self._description = description_packet(self._epoch, described)
-        self._described_s = time.monotonic()
-        self._out.put(self._description)
+        self._out.put(description_packet(self._epoch, described))
 
 
 def main(address: str, first_epoch: int, *, again: bool) -> None:

@@ -17,48 +17,34 @@ bytes  type    meaning
 ====== ======= ==================================================================================================
 
 Samples: i64 tick of the first, u32 their number, u8 their type (place in `VALUE_TYPES`), u8 whether each has a tick of
-its own, two zero bytes; then these ticks (i64), if so; then the values. A description is JSON, see `description`, and
-comes again each half second, so that a record may begin anywhere. A fault is a line of UTF-8.
+its own, two zero bytes; then these ticks (i64), if so; then the values. A description is what
+`recoil_acquisition.streams.packed_description` makes of it. A fault is a line of UTF-8.
 """
 
 from __future__ import annotations
 
-import json
-import math
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from fractions import Fraction
-from typing import Any
 
 import numpy as np
 
 from recoil_acquisition.errors import visible
-from recoil_acquisition.files.strict_json import read_json
 from recoil_acquisition.numerics.arrays import Array
-from recoil_acquisition.streams.tick_stream import (
-    StreamDescription,
-    StreamFault,
-    TickChannel,
-    TickItem,
-    TickSamples,
-)
+from recoil_acquisition.streams.packed_description import description_of, packed_description
+from recoil_acquisition.streams.tick_stream import StreamDescription, StreamFault, TickItem, TickSamples
 
 DESCRIPTION, SAMPLES, FAULT = b"D", b"S", b"F"
 RECORDED = (DESCRIPTION, SAMPLES, FAULT)
 VALUE_TYPES = tuple(np.dtype(name) for name in ("i1", "u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f4", "<f8"))
 """Types of values; the place of each is its number in a packet."""
 LARGEST_CONTENT = 1 << 18
-REPEATED_S = 0.5
-"""Time after which a description comes again."""
 _TOKEN, _VERSION = b"oDaq", 1
 _HEAD = struct.Struct("<4sBcHIIII")
 _CRC_FROM = _HEAD.size - 4
 _SAMPLES = struct.Struct("<qIBBH")
 _TICK = np.dtype("<i8")
-_MOST_HELD = 32 << 20
-"""Bytes of samples that wait for their description."""
 
 
 @dataclass(frozen=True)
@@ -111,45 +97,7 @@ def samples_packet(epoch: int, channel: int, ticks: Array, values: Array, *, own
 
 def description_packet(epoch: int, described: StreamDescription) -> bytes:
     """Return a description as a packet."""
-    content = {
-        "start_utc_ns": described.start_utc_ns,
-        "time_by": described.time_by,
-        "channels": [
-            {
-                "name": one.name, "unit": one.unit, "tick_rate": [one.tick_rate.numerator, one.tick_rate.denominator],
-                "step": one.step, "factor": one.factor, "offset": one.offset, "said": dict(one.said),
-            }
-            for one in described.channels
-        ],
-    }  # fmt: skip
-    return packet(DESCRIPTION, json.dumps(content, ensure_ascii=False).encode(), epoch=epoch)
-
-
-def description(content: bytes) -> StreamDescription:
-    """Return the description that a packet's content states; ValueError if it states none."""
-    try:
-        stated = read_json(content)
-        channels = tuple(map(_channel, stated["channels"]))
-        start = stated["start_utc_ns"]
-        if start is not None and type(start) is not int:
-            raise ValueError(f"start_utc_ns is {start!r}")
-        return StreamDescription(channels, start, str(stated["time_by"]))
-    except (KeyError, TypeError, ArithmeticError, AttributeError, RecursionError) as error:
-        raise ValueError(f"no description: {error!r}") from error
-
-
-def _channel(stated: Mapping[str, Any]) -> TickChannel:
-    said = {str(key): str(value) for key, value in stated["said"].items()}
-    numerator, denominator = stated["tick_rate"]
-    one = TickChannel(
-        str(stated["name"]), str(stated["unit"]), Fraction(numerator, denominator), stated["step"],
-        float(stated["factor"]), float(stated["offset"]), said,
-    )  # fmt: skip
-    if one.tick_rate <= 0 or type(one.step) is not int or one.step < 0:
-        raise ValueError(f"channel {one.name!r}: tick_rate {one.tick_rate}, step {one.step!r}")
-    if not math.isfinite(one.factor) or not math.isfinite(one.offset):
-        raise ValueError(f"channel {one.name!r}: factor {one.factor!r}, offset {one.offset!r}")
-    return one
+    return packet(DESCRIPTION, packed_description(described), epoch=epoch)
 
 
 class PacketScan:
@@ -206,8 +154,7 @@ class OpendaqDecoder:
         self._scan = PacketScan()
         self._described: StreamDescription | None = None
         self._epoch: int | None = None
-        self._waiting: list[Packet] = []
-        self._waiting_bytes = 0
+        self._strange: int | None = None
 
     def feed(self, data: bytes) -> list[TickItem]:
         """Return what the next bytes complete, in their order; nothing that they hold raises."""
@@ -218,7 +165,7 @@ class OpendaqDecoder:
             elif one.kind == SAMPLES:
                 made += self._samples(one)
             elif one.kind == DESCRIPTION:
-                made += self._describe(one)
+                made.append(self._describe(one))
             elif one.kind == FAULT:
                 made.append(StreamFault(visible(one.content.decode(errors="replace"))))
         return made
@@ -227,41 +174,33 @@ class OpendaqDecoder:
         """Note that bytes are missing before the next: what is half there will not be completed."""
         self._scan.skip()
 
-    def _describe(self, packet: Packet) -> Iterator[TickItem]:
-        try:
-            described = description(packet.content)
-        except ValueError as error:
-            yield StreamFault(f"a description cannot be read: {error}")
-            return
-        waiting, self._waiting, self._waiting_bytes = self._waiting, [], 0
-        if packet.epoch != self._epoch or described != self._described:
-            self._epoch, self._described = packet.epoch, described
-            yield described
-        strangers = 0
-        for one in waiting:
-            if one.epoch == packet.epoch:
-                yield from self._samples(one)
-            else:
-                strangers += 1
-        if strangers:
-            yield StreamFault(f"{strangers} packets of samples have no description")
+    def describe(self, description: StreamDescription) -> None:
+        """Take what a device said of the stream, for bytes that begin behind the stream's own description."""
+        self._described, self._epoch = description, None
 
-    def _samples(self, packet: Packet) -> Iterator[TickItem]:
-        if packet.epoch != self._epoch or self._described is None:
-            # its description comes within half a second, or was lost with what is missing
-            self._waiting.append(packet)
-            self._waiting_bytes += len(packet.packed)
-            if self._waiting_bytes > _MOST_HELD:
-                yield StreamFault(f"{len(self._waiting)} packets of samples have no description")
-                self._waiting, self._waiting_bytes = [], 0
+    def _describe(self, one: Packet) -> TickItem:
+        try:
+            self._described, self._epoch = description_of(one.content), one.epoch
+        except ValueError as error:
+            return StreamFault(f"a description cannot be read: {error}")
+        return self._described
+
+    def _samples(self, one: Packet) -> Iterator[TickItem]:
+        if self._epoch is None:
+            self._epoch = one.epoch
+        if one.epoch != self._epoch:
+            if one.epoch != self._strange:
+                yield StreamFault("the description of some samples is missing: they are left out")
+            self._strange = one.epoch
             return
-        if packet.channel >= len(self._described.channels):
-            yield StreamFault(f"samples of channel {packet.channel + 1} of {len(self._described.channels)}")
+        described = self._described
+        if described is not None and one.channel >= len(described.channels):
+            yield StreamFault(f"samples of channel {one.channel + 1} of {len(described.channels)}")
             return
         try:
-            yield samples_of(packet)
+            yield samples_of(one)
         except ValueError as error:
-            yield StreamFault(f"samples of '{self._described.channels[packet.channel].name}' cannot be read: {error}")
+            yield StreamFault(f"samples of channel {one.channel + 1} cannot be read: {error}")
 
 
 def samples_of(packet: Packet) -> TickSamples:
