@@ -220,9 +220,10 @@ def resident_mb(number: int) -> float:
     return int(Path(f"/proc/{number}/statm").read_text(encoding="utf-8").split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def cpu_s(number: int) -> float:
-    """Return the processor time of a process, its threads together."""
-    columns = Path(f"/proc/{number}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+def cpu_s(number: int, thread: int | None = None) -> float:
+    """Return the processor time of a process, its threads together, or of one of them."""
+    of = Path(f"/proc/{number}") if thread is None else Path(f"/proc/{number}/task/{thread}")
+    columns = (of / "stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     return (int(columns[11]) + int(columns[12])) / os.sysconf("SC_CLK_TCK")
 
 

@@ -39,6 +39,19 @@ recoil_acquisition.capture.live_session.SEGMENT_BYTES = 1 << 18
 """
 """For `LiveProcess`: the journal's segments fill up in seconds."""
 
+RECORDER_CHANNELS = 4
+"""Channels that the bundled rig's recorder has."""
+
+_MORE = """[[channel]]
+name = "more_{number}"
+source = "dewetron"
+signal = "AI {number}"
+quantity = "acceleration"
+unit = "m/s2"
+polarity = 1
+
+"""
+
 UNDECIDED = """
 import recoil_acquisition.capture.live_session
 recoil_acquisition.capture.live_session.LiveSession._look = lambda session, now_s: None
@@ -78,10 +91,13 @@ def write_live_rig(
     post_s: float = 0.4,
     holdoff_s: float = 0.0,
     baudrate: int = 921600,
+    recorder: Mapping[str, Any] | None = None,
+    recorder_channels: int = RECORDER_CHANNELS,
 ) -> Path:
     """Write the bundled rig `mixed` and its database into a folder, its devices replaced.
 
-    The recorder and the camera stay declared, and have no device: captures of a shot are kept for their files.
+    The recorder and the camera stay declared, and have no device: captures of a shot are kept for their files. A
+    recorder that is given one streams as many channels as are asked for; those beyond its own are ``AI 5`` and so on.
 
     Parameters
     ----------
@@ -94,6 +110,9 @@ def write_live_rig(
         Of the trigger.
     baudrate : int
         A pseudo-terminal takes every rate; the space that is reserved depends on it.
+    recorder : mapping, optional
+        ``device`` table of the source ``dewetron``.
+    recorder_channels : int
 
     Returns
     -------
@@ -118,6 +137,9 @@ def write_live_rig(
             'channel = "imu_acc_x"', f'channel = "imu{i}_acc_x"'
         ).replace(str(ports[0]), str(port))  # fmt: skip
         channels += _replaced(channel, '"imu_acc_x"', f'"imu{i}_acc_x"').replace('"imu"', f'"imu{i}"') + "\n\n"
+    if recorder is not None:
+        head = _replaced(head, 'match = "*_dewetron.csv"', f'device = {inline(recorder)}\nmatch = "*_dewetron.csv"')
+        channels += "".join(_MORE.format(number=i) for i in range(RECORDER_CHANNELS + 1, recorder_channels + 1))
     trigger = (
         f"[trigger]\npre_s = {pre_s}\npost_s = {post_s}\nholdoff_s = {holdoff_s}\n\n[[trigger.any]]\n"
         f'channel = "imu_acc_x"\nkind = "edge"\nlevel = {LEVEL_M_S2}\nrearm = {LEVEL_M_S2 / 2}\nslope = "rising"\n\n'

@@ -1,4 +1,4 @@
-"""Plays the shots of a virtual rig in real time: its CAN buses and serial ports, as live devices.
+"""Plays the shots of a virtual rig in real time: its CAN buses, serial ports and recorders, as live devices.
 
 The player gives each source a transport (`recoil_rigs.twin.transports`) and the ``device`` table under which the host
 opens it. Open the devices, then `TwinPlayer.start`: silence with baseline frames and their noise, a shot as its
@@ -8,26 +8,32 @@ files hold it, silence again, and so on. What goes wrong on the way is declared 
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 import os
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from recoil_rigs.rig import Rig, Source
 from recoil_rigs.twin import TwinShot, virtual_settings
 from recoil_rigs.twin.can_replay import CanItem, can_items
-from recoil_rigs.twin.faults import Faults
+from recoil_rigs.twin.faults import Faults, RecorderFaults
+from recoil_rigs.twin.oxygen_recorder import OxygenRecorder
+from recoil_rigs.twin.recorder_play import RecorderPlay
+from recoil_rigs.twin.recorder_replay import RecorderTape, StreamForm
 from recoil_rigs.twin.serial_replay import SerialItem, serial_items
 from recoil_rigs.twin.source_play import SourcePlay
 from recoil_rigs.twin.timeline import Timeline
 from recoil_rigs.twin.transports import MulticastBus, PseudoTerminal, SlcanAdapter, VirtualBus
 
-TRANSPORTS = {"can": ("virtual", "slcan", "udp_multicast"), "serial": ("pty",)}
+TRANSPORTS = {"can": ("virtual", "slcan", "udp_multicast"), "serial": ("pty",), "dewetron": ("oxygen",)}
 """Transports by kind of source; the first is the default."""
+
+_ONLY_WHERE_SAID = ("dewetron",)
+"""Kinds of source that are played only where the rig, or who plays it, says so: a recorder's file is there anyway."""
 
 _LEAD_S = 0.05
 _NUMBERS = itertools.count()
@@ -69,7 +75,7 @@ class TwinPlayer:
         faults: Mapping[str, Faults] | None = None,
         seed: int = 0,
     ) -> None:
-        sources = playable_sources(rig)
+        sources = playable_sources(rig, transports or {})
         names = {source.name for source in sources}
         for given in (transports or {}, faults or {}):
             if strangers := set(given) - names:
@@ -90,6 +96,9 @@ class TwinPlayer:
         for i, source in enumerate(sources):
             chosen = (transports or {}).get(source.name) or _declared(source)
             fault = (faults or {}).get(source.name) or _declared_faults(source)
+            if source.kind in _ONLY_WHERE_SAID:
+                self._plays[source.name] = self._recorder(rig, source, shots, chosen, fault, [seed, i])
+                continue
             steps = fault.clock_steps
             transport = _transport(source, chosen)
             items: Iterator[CanItem] | Iterator[SerialItem]
@@ -98,6 +107,23 @@ class TwinPlayer:
             else:
                 items = serial_items(source, shots, self.timeline, steps, seed)
             self._plays[source.name] = SourcePlay(source.name, items, transport, fault, self._stop, [seed, i])
+
+    def _recorder(
+        self, rig: Rig, source: Source, shots: Sequence[TwinShot], chosen: str, faults: Faults, seed: Sequence[int]
+    ) -> RecorderPlay:
+        _check_transport(source, chosen)
+        if not isinstance(faults, RecorderFaults):
+            raise ValueError(f"source '{source.name}': its faults must be those of a recorder, `RecorderFaults`")
+        table = source.device or {}
+        try:
+            form = StreamForm.from_table(table, [spec.signal for spec in rig.channels_of(source.name)])
+        except ValueError as error:
+            raise ValueError(f"source '{source.name}'.device.{error}") from error
+        tape = RecorderTape(rig, source, shots, self.timeline, form, ppm=faults.clock_ppm, seed=seed[0])
+        # what is not the play's is the client's, such as whether it starts the recording
+        asked = {key: value for key, value in table.items() if key not in ("virtual", "faults", *asdict(form))}
+        recorder = OxygenRecorder(source.name, tape.content, seed[0], asked)
+        return RecorderPlay(source.name, tape.items(faults.clock_steps), recorder, faults, self._stop, seed)
 
     @property
     def devices(self) -> Mapping[str, Mapping[str, Any]]:
@@ -174,8 +200,7 @@ class TwinPlayer:
             "end_s": self.timeline.end_s,
             "speed": self._speed,
             "sources": {
-                name: {**dataclasses.asdict(play.played), "faults": dataclasses.asdict(play.faults)}
-                for name, play in self._plays.items()
+                name: {**asdict(play.played), "faults": asdict(play.faults)} for name, play in self._plays.items()
             },
         }
 
@@ -185,9 +210,21 @@ class TwinPlayer:
         return {name: play.failure for name, play in self._plays.items()}
 
 
-def playable_sources(rig: Rig) -> tuple[Source, ...]:
-    """Return the buses and ports of a rig that have channels."""
-    return tuple(s for s in rig.sources if s.kind in TRANSPORTS and rig.channels_of(s.name))
+def playable_sources(rig: Rig, transports: Collection[str] = ()) -> tuple[Source, ...]:
+    """Return the buses and ports of a rig that have channels, and the recorders that are declared to be played.
+
+    Parameters
+    ----------
+    transports
+        Sources for which a transport is chosen, whatever the rig declares.
+    """
+    return tuple(
+        s
+        for s in rig.sources
+        if s.kind in TRANSPORTS
+        and rig.channels_of(s.name)
+        and (s.kind not in _ONLY_WHERE_SAID or is_virtual(s) or s.name in transports)
+    )
 
 
 def is_virtual(source: Source) -> bool:
@@ -200,16 +237,21 @@ def _declared(source: Source) -> str:
 
 
 def _declared_faults(source: Source) -> Faults:
+    kind = RecorderFaults if source.kind in _ONLY_WHERE_SAID else Faults
     try:
-        return Faults.from_table((source.device or {}).get("faults", {}))
+        return kind.from_table((source.device or {}).get("faults", {}))
     except ValueError as error:
         raise ValueError(f"source '{source.name}'.device.faults: {error}") from error
 
 
-def _transport(source: Source, chosen: str) -> VirtualBus | PseudoTerminal:
+def _check_transport(source: Source, chosen: str) -> None:
     if chosen not in TRANSPORTS[source.kind]:
         known = ", ".join(TRANSPORTS[source.kind])
         raise ValueError(f"source '{source.name}' cannot be played over {chosen!r}, only over {known}")
+
+
+def _transport(source: Source, chosen: str) -> VirtualBus | PseudoTerminal:
+    _check_transport(source, chosen)
     if chosen == "slcan":
         return SlcanAdapter(source.name)
     if chosen == "udp_multicast":

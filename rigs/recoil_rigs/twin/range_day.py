@@ -91,7 +91,8 @@ class RangeDay:
         except BaseException:
             self._folder.cleanup()
             raise
-        played = {source.name for source in playable_sources(rig)}
+        # a recorder writes its file beside what it streams
+        played = {source.name for source in playable_sources(rig) if source.kind != "dewetron"}
         names = {s.name for s in rig.sources if s.name not in played}
         self._dropped = [
             [f for f in shot.files if any(s.name in names for s in rig.matching(f.name))] for shot in self.shots

@@ -5,11 +5,12 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from recoil_rigs.twin.can_replay import CanItem
-from recoil_rigs.twin.faults import Faults, Played
+from recoil_rigs.twin.faults import Faults, Interval, Played
 from recoil_rigs.twin.serial_replay import SerialItem
 from recoil_rigs.twin.transports import PseudoTerminal, SlcanAdapter, VirtualBus
 
@@ -45,15 +46,15 @@ class SourcePlay:
     def __init__(
         self,
         name: str,
-        items: Iterator[CanItem] | Iterator[SerialItem],
-        transport: VirtualBus | PseudoTerminal,
+        items: Iterator[Any],
+        transport: Any,
         faults: Faults,
         stop: threading.Event,
         seed: Sequence[int],
     ) -> None:
         self.transport = transport
         self.faults = faults
-        self.played = Played()
+        self.played = self._counts()
         self.failure: BaseException | None = None
         self.at_s = 0.0
         self._items = items
@@ -63,6 +64,10 @@ class SourcePlay:
         self._speed = 1.0
         self._back_s: float | None = None
         self.thread = threading.Thread(target=self._run, name=f"play {name}", daemon=True)
+
+    @staticmethod
+    def _counts() -> Any:
+        return Played()
 
     def begin(self, began_s: float, speed: float) -> None:
         """Start the thread."""
@@ -87,29 +92,26 @@ class SourcePlay:
             self.failure = error
 
     def _play(self) -> None:
-        gone = list(self.faults.unplugged)
+        gone = list(self.faults.gone)
         for item in self._items:
             self.at_s = item.at_s
             while gone and item.at_s >= gone[0].at_s:
                 if not self._wait(gone[0].at_s):
                     return
-                self._unplug_until(gone.pop(0).end_s)
-            if any(interval.holds(item.at_s) for interval in self.faults.unplugged):
+                self._unplug_until(gone.pop(0))
+            if any(interval.holds(item.at_s) for interval in self.faults.gone):
                 self._count_unplugged(item)
                 continue
             self._plug_again(item.at_s)
             if not self._wait(self._release_s(item.at_s)):
                 return
-            if isinstance(item, CanItem):
-                self._send_frame(item)
-            else:
-                self._send_bytes(item)
+            self._send(item)
         self.played.stalls = len(self.faults.stalls)
 
-    def _unplug_until(self, end_s: float) -> None:
+    def _unplug_until(self, interval: Interval) -> None:
         self.played.unread_bytes += self.transport.unplug()
         self.played.disconnects += 1
-        self._back_s = end_s
+        self._back_s = interval.end_s
 
     def _plug_again(self, at_s: float) -> None:
         if self._back_s is not None and at_s >= self._back_s:
@@ -134,6 +136,12 @@ class SourcePlay:
         if isinstance(item, CanItem) or item.whole:
             self.played.frames += 1
             self.played.unplugged += 1
+
+    def _send(self, item: CanItem | SerialItem) -> None:
+        if isinstance(item, CanItem):
+            self._send_frame(item)
+        else:
+            self._send_bytes(item)
 
     def _send_frame(self, item: CanItem) -> None:
         played, transport = self.played, self.transport
