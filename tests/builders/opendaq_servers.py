@@ -43,8 +43,8 @@ class TickServer:
             "port": self.port, "step": step, "tick_rate": TICK_RATE, "start_utc_ns": start_utc_ns,
             "channels": [
                 {
-                    "name": f"c{i}", "unit": units[i % len(units)], "type": kind, "own_ticks": f"c{i}" in own_ticks,
-                    "factor": line[0], "offset": line[1], "range": [-10.0, 10.0],
+                    "place": i, "name": f"c{i}", "unit": units[i % len(units)], "type": kind,
+                    "own_ticks": f"c{i}" in own_ticks, "factor": line[0], "offset": line[1], "range": [-10.0, 10.0],
                 }
                 for i, kind in enumerate(types)
             ],
@@ -92,7 +92,7 @@ class TickServer:
             ticks = tick + self.step * np.arange(count)
             made = b"".join(ticks.astype(TYPES[kind][0]).tobytes() for kind in self.types)
             try:
-                self.child.ask(SEND, SAMPLES_HEAD.pack(tick, count) + made)
+                self.child.ask(SEND, SAMPLES_HEAD.pack(tick, count, -1) + made)
             except (OSError, ValueError):
                 return
             tick += int(count) * self.step

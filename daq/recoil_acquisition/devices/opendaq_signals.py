@@ -236,9 +236,12 @@ def _names(signals: list[Any]) -> list[str]:
 
     Streams without a device (``daq.lt``, ``daq.ns``) name a signal by its whole path, with other separators.
     """
-    own = [str(one.name).replace("#", "*").rsplit("*", 1)[-1] for one in signals]
+    whole = [str(one.name) for one in signals]
+    own = [name.replace("#", "*").rsplit("*", 1)[-1] if name.startswith(("#", "*")) else name for name in whole]
     often = Counter(own)
-    paths = [str(one.name) if "*" in str(one.name) or "#" in str(one.name) else str(one.global_id) for one in signals]
+    paths = [
+        name if name != short else str(one.global_id) for name, short, one in zip(whole, own, signals, strict=True)
+    ]
     return [name if often[name] == 1 else path for name, path in zip(own, paths, strict=True)]
 
 
