@@ -152,7 +152,7 @@ class OpendaqDevice:
             raise DeviceError(
                 f"source '{name}': device.opendaq is no address of an openDAQ device",
                 found=repr(address), expected=f"one that begins with {', '.join(PREFIXES)}",
-                remedy='write such as `device = { opendaq = "daq.nd://192.168.1.20" }`',
+                remedy='write such as `device = { opendaq = "daq.nd://192.0.2.20" }`',
             )  # fmt: skip
         self._address = address
         self._child: ChildProcess | None = None

@@ -45,11 +45,11 @@ def child_of(device):
 # ---- without the library
 
 
-@pytest.mark.parametrize("address", ["", "daq.nd://", "192.168.1.20", "http://x", 7, None])
+@pytest.mark.parametrize("address", ["", "daq.nd://", "192.0.2.20", "http://x", 7, None])
 def test_an_address_that_is_none_is_refused_with_an_example(address):
     with pytest.raises(DeviceError, match="no address of an openDAQ device") as caught:
         OpendaqDevice("daq", {"opendaq": address})
-    assert "daq.nd://192.168.1.20" in caught.value.remedy
+    assert "daq.nd://192.0.2.20" in caught.value.remedy
 
 
 def test_a_key_that_says_nothing_is_refused():
