@@ -12,7 +12,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from itertools import zip_longest
 from typing import Any
 
@@ -42,7 +42,7 @@ from recoil_acquisition.streams.opendaq_packets import (
     samples_of,
 )
 from recoil_acquisition.streams.packed_description import description_of
-from recoil_acquisition.streams.tick_stream import StreamDescription, StreamFault
+from recoil_acquisition.streams.tick_stream import StreamDescription, StreamFault, TickChannel
 
 PREFIXES = ("daq.nd://", "daq.ns://", "daq.lt://", "daqref://")
 """Beginnings of an address: the device over the native protocol, its stream alone, its websocket stream, and the
@@ -132,6 +132,8 @@ class OpendaqDevice:
         Name of the source.
     table
         Table ``device``.
+    signals
+        Names of its signals that are wanted; all are read where there is none.
 
     Raises
     ------
@@ -141,7 +143,7 @@ class OpendaqDevice:
 
     kind = STREAM
 
-    def __init__(self, name: str, table: Mapping[str, Any]) -> None:
+    def __init__(self, name: str, table: Mapping[str, Any], signals: Collection[str] = ()) -> None:
         self.name = name
         if strange := sorted(set(table) - {"opendaq"}):
             raise DeviceError(
@@ -154,7 +156,7 @@ class OpendaqDevice:
                 found=repr(address), expected=f"one that begins with {', '.join(PREFIXES)}",
                 remedy='write such as `device = { opendaq = "daq.nd://192.0.2.20" }`',
             )  # fmt: skip
-        self._address = address
+        self._address, self._wanted_signals = address, tuple(dict.fromkeys(signals))
         self._child: ChildProcess | None = None
         self._pump: _Pump | None = None
         self._scan = PacketScan()
@@ -174,20 +176,16 @@ class OpendaqDevice:
     @property
     def units(self) -> Mapping[str, str]:
         """Unit of each of its signals, as it spells it."""
-        return {one.name: one.unit for one in self._channels}
+        return {one.name: one.unit for one in self.channels}
 
     @property
-    def description(self) -> StreamDescription | None:
-        """Description of the stream by now; None before it is open."""
-        return self._described
-
-    @property
-    def _channels(self) -> tuple[Any, ...]:
+    def channels(self) -> tuple[TickChannel, ...]:
+        """Channels that are read, as it describes them; none before it is open."""
         return () if self._described is None else self._described.channels
 
     @property
     def _what(self) -> str:
-        said = f"{self._address}: {len(self._channels)} channels"
+        said = f"{self._address}: {len(self.channels)} channels"
         return f"{said}; {self._left_out}" if self._left_out else said
 
     @property
@@ -198,7 +196,7 @@ class OpendaqDevice:
     @property
     def bytes_per_s(self) -> float:
         """Bytes per second of all channels at their rates, eight for each value at most."""
-        rates = [float(one.tick_rate) / one.step if one.step else 2.0 * 1000.0 for one in self._channels]
+        rates = [float(one.tick_rate) / one.step if one.step else 2.0 * 1000.0 for one in self.channels]
         return sum(8.0 * rate + _BYTES_A_PACKET * _PACKETS_PER_S for rate in rates)
 
     def open(self) -> None:
@@ -263,7 +261,7 @@ class OpendaqDevice:
         return blocks
 
     def _start(self, *, again: bool) -> None:
-        arguments = (self._address, str(self._epoch), "again" if again else "once")
+        arguments = (self._address, str(self._epoch), "again" if again else "once", *self._wanted_signals)
         self._child = ChildProcess("recoil_acquisition.devices.opendaq_process", *arguments)
         self._pump = _Pump(self._child)
         self._scan.skip()
@@ -369,9 +367,9 @@ class OpendaqDevice:
         return True
 
     def _describe(self, packet: Packet) -> None:
-        before, self._described = self._channels, description_of(packet.content)
+        before, self._described = self.channels, description_of(packet.content)
         self._epoch = packet.epoch
-        for place, (old, new) in enumerate(zip_longest(before, self._channels)):
+        for place, (old, new) in enumerate(zip_longest(before, self.channels)):
             if old is None or new is None or (old.name, old.step) != (new.name, new.step):
                 self._next.pop(place, None)
         if self._is_lost:
@@ -394,7 +392,7 @@ class OpendaqDevice:
         """Count samples, and the places where ticks are missing."""
         samples = samples_of(packet)
         self._received += len(samples.raw)
-        step = self._channels[packet.channel].step
+        step = self.channels[packet.channel].step
         if step:
             expected = self._next.get(packet.channel)
             self._gaps += expected is not None and samples.first_tick != expected
@@ -419,5 +417,4 @@ class OpendaqDevice:
 
 def opendaq_device(source: str, table: Mapping[str, Any], declared: DeviceDeclarations) -> OpendaqDevice:
     """Return the openDAQ device of a source; errors as of it."""
-    del declared
-    return OpendaqDevice(source, table)
+    return OpendaqDevice(source, table, declared.signals)

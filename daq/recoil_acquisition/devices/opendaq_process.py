@@ -1,11 +1,11 @@
 """The process that reads an openDAQ device: it alone loads the library, and hands on packets.
 
-    python -m recoil_acquisition.devices.opendaq_process ADDRESS FIRST_EPOCH once|again
+    python -m recoil_acquisition.devices.opendaq_process ADDRESS FIRST_EPOCH once|again [SIGNAL ...]
 
 It prints packets of `recoil_acquisition.streams.opendaq_packets`, and beside those that are recorded: ``h``, each
 tenth of a second, with its state; ``l``, what is left out of the device's signals; ``r``, why there is no connection
 and what else was found, after which it ends; ``e`` before it ends as asked. It ends with its parent, whose requests it
-reads: any is to read what waits and to end. With ``again`` it goes on trying to connect.
+reads: any is to read what waits and to end. With ``again`` it goes on trying to connect. Without signals all are read.
 
 The library has sixteen threads, and where the network does not reach its multicast group it logs two thousand lines a
 second: whatever it prints goes nowhere, and what its connection's status says is handed on.
@@ -20,6 +20,7 @@ import sys
 import threading
 import time
 from collections import deque
+from collections.abc import Collection
 from importlib import import_module
 from typing import Any
 
@@ -116,8 +117,8 @@ class _Out:
 class _Reading:
     """One connection to a device, polled."""
 
-    def __init__(self, daq: Any, address: str, epoch: int, out: _Out) -> None:
-        self._daq, self._address, self._epoch, self._out = daq, address, epoch, out
+    def __init__(self, daq: Any, address: str, epoch: int, wanted: Collection[str], out: _Out) -> None:
+        self._daq, self._address, self._epoch, self._wanted, self._out = daq, address, epoch, wanted, out
         self.state = CONNECTING
         self._told_s = self._looked_s = 0.0
         self._time_by, self._was_lost = "", False
@@ -150,8 +151,11 @@ class _Reading:
             now_s = time.monotonic()
             if (ids := signal_ids(self._device)) != shown:
                 shown, since_s = ids, now_s
-            if now_s - since_s > SETTLED_S and (signals := signals_of_device(self._daq, self._device)) is not None:
-                return signals
+            found = None
+            if now_s - since_s > SETTLED_S:
+                found = signals_of_device(self._daq, self._device, self._wanted)
+            if found is not None:
+                return found
             if now_s > ends_s:
                 raise RuntimeError(f"it does not show its signals within {DESCRIBED_WITHIN_S:.0f} s")
 
@@ -234,7 +238,7 @@ class _Reading:
         self._out.put(description_packet(self._epoch, described))
 
 
-def main(address: str, first_epoch: int, *, again: bool) -> None:
+def main(address: str, first_epoch: int, wanted: Collection[str], *, again: bool) -> None:
     """Read a device until the parent asks for the end, or is gone."""
     out = _Out(_own_output())
     asked = threading.Event()
@@ -243,7 +247,7 @@ def main(address: str, first_epoch: int, *, again: bool) -> None:
     while True:
         reading: _Reading | None = None
         try:
-            reading = _Reading(import_module("opendaq"), address, first_epoch, out)
+            reading = _Reading(import_module("opendaq"), address, first_epoch, wanted, out)
             reading.tell()
             reading.connect()
             break
@@ -303,4 +307,4 @@ def _listen(asked: threading.Event) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]), again=sys.argv[3] == "again")
+    main(sys.argv[1], int(sys.argv[2]), sys.argv[4:], again=sys.argv[3] == "again")

@@ -8,7 +8,7 @@ gaps, and one that gives times goes through float64, which is off by up to 240 n
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from fractions import Fraction
@@ -201,13 +201,24 @@ class DeviceSignals:
         return StreamDescription(tuple(one.channel for one in self.readers), starts.pop(), time_by)
 
 
-def signals_of_device(daq: Any, device: Any) -> DeviceSignals | None:
-    """Find the signals of a device and begin to read them; None while some have not been described yet."""
+def signals_of_device(daq: Any, device: Any, wanted: Collection[str]) -> DeviceSignals | None:
+    """Find the signals of a device and begin to read them; None while some have not been described yet.
+
+    Parameters
+    ----------
+    wanted
+        Names of those that are read; all are where there is none, or the device lacks one: whoever wants it is told
+        what there is.
+    """
     signals = [one for one in device.signals_recursive if one.public and one.domain_signal is not None]
     if not signals or any(one.descriptor is None or one.domain_signal.descriptor is None for one in signals):
         return None
     found = DeviceSignals(ids=signal_ids(device))
-    for name, signal in zip(_names(signals), signals, strict=True):
+    names = _names(signals)
+    left = set(wanted) if wanted and set(wanted) <= set(names) else set(names)
+    for name, signal in zip(names, signals, strict=True):
+        if name not in left:
+            continue
         try:
             found.readers.append(SignalReader(daq, signal, name))
         except _UnusableError as error:

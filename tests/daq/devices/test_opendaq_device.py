@@ -123,6 +123,19 @@ def test_it_tells_its_channels_and_each_sample_has_its_tick():
 
 @needs_opendaq
 @pytest.mark.real_time
+@pytest.mark.parametrize(("wanted", "read"), [(("c1",), ["c1"]), (("c1", "c9"), ["c0", "c1", "c2"])])
+def test_what_is_not_wanted_is_not_read_unless_something_wanted_is_not_there(wanted, read):
+    with tick_server(types=("f64",) * 3) as server:
+        device, book = OpendaqDevice("daq", {"opendaq": server.address}, wanted), StreamBook()
+        device.open()
+        read_for(device, book, 0.5)
+        closed(device, book)
+    assert [one.name for one in device.channels] == sorted(book.samples) == read
+    assert not book.wrong
+
+
+@needs_opendaq
+@pytest.mark.real_time
 def test_whole_numbers_come_as_they_are_with_their_factor():
     with tick_server(types=("i32",), line=(0.25, -3.0)) as server:
         device, book = opened(server.address), StreamBook()
