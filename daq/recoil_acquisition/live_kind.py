@@ -97,6 +97,13 @@ _OWN = (
         counted="bytes", example='{ port = "/dev/ttyUSB0", baudrate = 921600 }', declared="framing", decodes_all=True,
         is_default=True,
     ),
+    LiveKind(
+        "oxygen", ("dewetron",), "stream",
+        device="recoil_acquisition.devices.oxygen_device:oxygen_device",
+        signals="recoil_acquisition.capture.oxygen_signals:oxygen_signals",
+        capture="recoil_acquisition.capture.oxygen_signals:open_oxygen",
+        counted="bytes", example='{ oxygen = "192.0.2.10" }', decodes_all=True, tells_signals=True, is_preview=True,
+    ),
 )  # fmt: skip
 
 _PARTS = tuple(LiveKind.__dataclass_fields__)

@@ -8,7 +8,7 @@ itself and its ticks went on: what is missing is a gap of so many ticks.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
@@ -143,7 +143,8 @@ def open_ticks(path: Path, source: CapturedSource, clock: str, decoder: TickDeco
         )  # fmt: skip
     chosen = max(held, key=lambda one: one.lasts_s)
     zero_s, start = _zero(chosen)
-    channels = [_stored(one, clock, zero_s, start) for _, one in sorted(chosen.series.items())]
+    said = chosen.description.channels
+    channels = [_stored(one, said[number].said, clock, zero_s, start) for number, one in sorted(chosen.series.items())]
     notes: list[Remark] = [Note(NoteCode.CUT, None, source.incomplete)] if source.incomplete else []
     notes += [*_notes(source, held, chosen, faults), *_gaps(chosen)]
     return Recording(
@@ -180,6 +181,8 @@ def _epochs(items: Iterator[tuple[int, TickItem, bool]], faults: list[str]) -> l
         if isinstance(item, StreamDescription):
             if not epochs or epochs[-1].description != item:
                 epochs.append(_Epoch(item))
+            elif by_event:
+                epochs[-1].description = item  # it says more
             # a stream that was described anew in between says so itself, before any event
             ahead, waiting = waiting if by_event and len(epochs) == 1 else [], []
             for at_ns, samples in ahead:
@@ -222,10 +225,12 @@ def _zero(epoch: _Epoch) -> tuple[int, AbsoluteStart | None]:
     return zero_s, AbsoluteStart(text, "UTC", whole.origin, epoch.description.time_by)
 
 
-def _stored(series: _Series, clock: str, zero_s: int, start: AbsoluteStart | None) -> StoredChannel:
+def _stored(
+    series: _Series, said: Mapping[str, str], clock: str, zero_s: int, start: AbsoluteStart | None
+) -> StoredChannel:
     channel = series.channel
     raw = np.concatenate([part for run in series.runs for part in run.parts])
-    header = SignalHeader(channel.name, channel.unit, raw.size, metadata=dict(channel.said))
+    header = SignalHeader(channel.name, channel.unit, raw.size, metadata=dict(said))
     base = _times(series, clock, zero_s, start)
     counts = partial(_counts, raw, channel) if raw.dtype.kind in "iu" else None
     return StoredChannel(header, base, partial(_values, raw, channel), counts)

@@ -101,7 +101,8 @@ class LiveSource:
 
 def open_source(source: LiveSource) -> Device:
     """Open the device of a source; DeviceError, in one line, if that cannot be done."""
-    declared = DeviceDeclarations(source.framing, source.database, source.counters, source.bus)
+    signals = tuple(dict.fromkeys(channel.signal for channel in source.channels))
+    declared = DeviceDeclarations(source.framing, source.database, source.counters, source.bus, signals)
     return open_device(source.name, source.kind, source.device, declared)
 
 

@@ -22,9 +22,12 @@ class DeviceDeclarations:
         Signals of a bus that count the messages they are in.
     bus
         Bus of the source, where its device delivers several.
+    signals
+        Signals of the source that have a channel: what a device that tells its signals is to send.
     """
 
     framing: Framing | None = None
     database: str | None = None
     counters: tuple[str, ...] = ()
     bus: BusName | None = None
+    signals: tuple[str, ...] = ()

@@ -27,7 +27,8 @@ class TickChannel:
     step
         Ticks from one sample to the next; 0 where each sample has a tick of its own.
     said
-        Further words that the instrument says of it, such as its range or its filter, in its own words.
+        Further words that the instrument says of it, such as its range or its filter, in its own words. Two channels
+        of which different ones are known are the same.
     """
 
     name: str
@@ -36,7 +37,7 @@ class TickChannel:
     step: int = 1
     factor: float = 1.0
     offset: float = 0.0
-    said: Mapping[str, str] = field(default_factory=dict)
+    said: Mapping[str, str] = field(default_factory=dict, compare=False)
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class StreamDescription:
 
     channels: tuple[TickChannel, ...]
     start_utc_ns: int | None = None
-    time_by: str = ""
+    time_by: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True, eq=False)
