@@ -1,8 +1,7 @@
 """Kinds of source that are read live: one line of a table each, loaded when it is needed.
 
 What a rig's ``device`` table says chooses the kind, by a key that only this kind has, or by ``virtual = "KEY"``, which
-has it played. Another package adds one by an
-entry point, which leads to a `LiveKind`::
+has it played. Another package adds one by an entry point, which leads to a `LiveKind`::
 
     [project.entry-points."recoil_daq.live_kinds"]
     gauge = "recoil_gauge:KIND"
