@@ -150,7 +150,7 @@ def _listen(
         for s in sources:
             progress(f"open {s.name}")
             try:
-                device = open_source(s, keep.keep if keep is not None and s.name == kept else None)
+                device = open_source(s, keep.heard if keep is not None and s.name == kept else None)
             except RecoilDaqError as error:
                 verdict: Verdict = "fail" if rig.source(s.name).required else "warn"
                 heard.append(ChannelHeard(s.name, "", "", 0.0, None, None, verdict, str(error)))

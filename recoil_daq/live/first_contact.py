@@ -76,7 +76,7 @@ class FirstContact:
         utc = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
         self._write({"schema": SCHEMA, "rig": rig, "source": source, "utc": utc})
 
-    def keep(self, link: str, sender: str, data: bytes) -> None:
+    def heard(self, link: str, sender: str, data: bytes) -> None:
         """Write what was said on a connection; a device that reads is never troubled by a disk that fails."""
         row = {"at_s": round(time.monotonic() - (self._began_s or 0.0), 6), "link": link, "from": sender}
         self._write(row | (_text_of(data) if link == "scpi" else _bytes_of(data)))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from recoil_acquisition.devices.declarations import DeviceDeclarations, Keep
+from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.device import Block, Counters, Device
 from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.frames.framing import Framing
@@ -99,16 +99,10 @@ class LiveSource:
         return kind
 
 
-def open_source(source: LiveSource, keep: Keep | None = None) -> Device:
-    """Open the device of a source; DeviceError, in one line, if that cannot be done.
-
-    Parameters
-    ----------
-    keep
-        Function that is given what a recorder and this program say to each other, see `DeviceDeclarations.keep`.
-    """
+def open_source(source: LiveSource, heard: Callable[[str, str, bytes], None] | None = None) -> Device:
+    """Open the device of a source, whose talk may be heard; DeviceError, in one line, if that cannot be done."""
     signals = tuple(dict.fromkeys(channel.signal for channel in source.channels))
-    declared = DeviceDeclarations(source.framing, source.database, source.counters, source.bus, signals, keep)
+    declared = DeviceDeclarations(source.framing, source.database, source.counters, source.bus, signals, heard)
     return open_device(source.name, source.kind, source.device, declared)
 
 

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.readers.can.buses import BusName
 
-Keep = Callable[[str, str, bytes], None]
-
 
 @dataclass(frozen=True)
 class DeviceDeclarations:
@@ -27,9 +25,9 @@ class DeviceDeclarations:
         Bus of the source, where its device delivers several.
     signals
         Signals of the source that have a channel: what a device that tells its signals is to send.
-    keep
-        Function that is given what is said on a recorder's connections: which one, ``scpi`` or ``stream``, by whom,
-        ``host`` or ``recorder``, and the bytes.
+    heard
+        Function that is given all that passes, of a device whose talk can be kept: on which connection, who said it,
+        and its bytes.
     """
 
     framing: Framing | None = None
@@ -37,4 +35,4 @@ class DeviceDeclarations:
     counters: tuple[str, ...] = ()
     bus: BusName | None = None
     signals: tuple[str, ...] = ()
-    keep: Keep | None = None
+    heard: Callable[[str, str, bytes], None] | None = None

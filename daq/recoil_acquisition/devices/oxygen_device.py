@@ -16,7 +16,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from recoil_acquisition.devices.declarations import DeviceDeclarations, Keep
+from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.described import REPEATED_S, described_events
 from recoil_acquisition.devices.device import CHANGED, LARGEST_PIECE, STREAM, Block, Counters, EmptyLook
 from recoil_acquisition.devices.oxygen_control import PORT, STREAM_PORT, OxygenControl, OxygenSettings, RecorderError
@@ -45,10 +45,8 @@ class OxygenDevice(ReopenedDevice):
     table
         The rig's ``device`` table: ``oxygen``, host and, behind a colon, port of its commands; ``stream_port`` and
         ``group`` of its data stream; ``acquisition`` and ``storing``, whether these are started.
-    signals
-        Names of the recorder's channels that are wanted.
-    keep
-        Function that is given all that is said, see `DeviceDeclarations.keep`.
+    declared
+        Declarations, of which the signals are the recorder's channels that are wanted.
 
     Raises
     ------
@@ -58,19 +56,16 @@ class OxygenDevice(ReopenedDevice):
 
     kind = STREAM
 
-    def __init__(self, name: str, table: Mapping[str, Any], signals: tuple[str, ...], keep: Keep | None = None) -> None:
+    def __init__(self, name: str, table: Mapping[str, Any], declared: DeviceDeclarations) -> None:
         settings = settings_of(name, table)
         super().__init__(name, f"OXYGEN {settings.host}:{settings.port}", "bytes", None)
-        if not signals:
+        if not declared.signals:
             raise DeviceError(
                 f"source '{name}': no channel of the recorder is declared",
                 remedy="declare the channels that it streams",
             )
-        self._settings, self._signals = settings, tuple(dict.fromkeys(signals))
+        self._settings, self._signals = settings, tuple(dict.fromkeys(declared.signals))
         self._control = OxygenControl(settings)
-        self._keep = keep
-        if keep is not None:
-            self._control.heard = partial(keep, "scpi")
         self._decoder = OxygenDecoder()
         self._next: dict[int, int] = {}
         self._description: StreamDescription | None = None
@@ -80,6 +75,9 @@ class OxygenDevice(ReopenedDevice):
         self._problem = ""
         self._finishing = False
         self._sample_bytes: dict[int, int] = {}
+        self._heard = declared.heard
+        if (heard := declared.heard) is not None:
+            self._control.heard = partial(heard, "scpi")
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -196,8 +194,8 @@ class OxygenDevice(ReopenedDevice):
         data = bytes(self._driver.recv(LARGEST_PIECE))
         if not data:
             raise ConnectionResetError(self._why_ended())
-        if self._keep is not None:
-            self._keep("stream", "recorder", data)
+        if self._heard is not None:
+            self._heard("stream", "recorder", data)
         return data
 
     def _why_ended(self) -> str:
@@ -295,4 +293,4 @@ def settings_of(source: str, table: Mapping[str, Any]) -> OxygenSettings:
 
 def oxygen_device(source: str, table: Mapping[str, Any], declared: DeviceDeclarations) -> OxygenDevice:
     """Return the device of a recorder, which streams the declared channels; DeviceError if the table is at fault."""
-    return OxygenDevice(source, table, declared.signals, declared.keep)
+    return OxygenDevice(source, table, declared)

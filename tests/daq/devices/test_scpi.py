@@ -6,7 +6,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress, suppress
 
 import pytest
 from hypothesis import given
@@ -30,14 +30,11 @@ def instrument(answers: Answers, *, closes_after: int | None = None, pause_s: fl
                 one, _ = listener.accept()
             except OSError:
                 return
-            with one:
+            with one, suppress(OSError):  # whoever asked may be gone
                 for number, line in enumerate(one.makefile("rb"), start=1):
                     for piece in answers(line.strip()):
                         time.sleep(pause_s)
-                        try:
-                            one.sendall(piece)
-                        except OSError:
-                            return
+                        one.sendall(piece)
                     if number == closes_after:
                         return
 
@@ -61,8 +58,8 @@ def test_a_reply_is_one_line_however_it_is_cut() -> None:
     assert asked(lambda _: [b"DEWETRON", b",OXYGEN,", b"1\r\n"]) == "DEWETRON,OXYGEN,1"
 
 
-def test_of_two_replies_at_once_each_query_has_its_own() -> None:
-    with instrument(lambda line: [b"one\ntwo\n"] if line == b"A?" else []) as address:
+def test_what_came_unasked_is_no_reply_to_the_next_query() -> None:
+    with instrument(lambda line: [b"one\nand more\n"] if line == b"A?" else [b"two\n"]) as address:
         client = ScpiClient(*address, timeout_s=1.0)
         assert [client.ask("A?"), client.ask("B?")] == ["one", "two"]
         client.close()
@@ -140,16 +137,14 @@ def test_replies_are_taken_apart_as_they_are_written(reply: str, values: tuple[o
 
 @pytest.mark.parametrize("reply", ['"open', "(a", "a)", "(" * 12 + ")" * 12])
 def test_what_does_not_close_is_refused(reply: str) -> None:
-    with pytest.raises(ValueError, match="close|too many|within"):
+    with pytest.raises(ValueError, match=r"close|too many|within"):
         parse_reply(reply)
 
 
 @given(st.text(max_size=60))
-def test_any_reply_is_values_or_one_error(reply: str) -> None:
-    try:
-        parse_reply(reply)
-    except ValueError as error:
-        assert "\n" not in str(error) or "\n" in reply
+def test_any_reply_is_values_or_a_value_error(reply: str) -> None:
+    with suppress(ValueError):
+        assert isinstance(parse_reply(reply), tuple)
 
 
 @given(st.lists(st.text(st.characters(exclude_characters="\n\r"), max_size=12), min_size=1, max_size=4))

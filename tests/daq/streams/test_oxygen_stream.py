@@ -264,7 +264,7 @@ def test_after_missing_bytes_what_is_half_there_is_dropped() -> None:
 
 @pytest.mark.exhaustive
 def test_a_thousand_damaged_and_hostile_streams_end_in_lines_and_need_no_memory() -> None:
-    rng, source = random.Random(5), stream(20)
+    rng, source = random.Random(5), stream(20)  # noqa: S311 - damage is no secret
     tracemalloc.start()
     began_s = time.process_time()
     for number in range(1000):

@@ -67,9 +67,9 @@ def test_text_that_is_none_is_kept_as_bytes(tmp_path: Path) -> None:
     path = tmp_path / "contact.jsonl"
     with FirstContact(path) as contact:
         contact.begin("own", "daq")
-        contact.keep("scpi", "recorder", b"\xff\xfe")
-        contact.keep("scpi", "host", 'says "Weg °C"'.encode())
-        contact.keep("stream", "recorder", bytes(range(256)))
+        contact.heard("scpi", "recorder", b"\xff\xfe")
+        contact.heard("scpi", "host", 'says "Weg °C"'.encode())
+        contact.heard("stream", "recorder", bytes(range(256)))
     head, *rows = map(json.loads, path.read_text(encoding="utf-8").splitlines())
     assert head["schema"] == "recoil-daq/first-contact/1"
     assert [sorted(row) for row in rows] == [
@@ -101,8 +101,8 @@ def on_a_full_disk(contact: FirstContact) -> None:
     assert contact._stream is not None
     contact._stream.close()
     contact._stream = Full()  # type: ignore[assignment]
-    contact.keep("stream", "recorder", b"1")
-    contact.keep("stream", "recorder", b"2")
+    contact.heard("stream", "recorder", b"1")
+    contact.heard("stream", "recorder", b"2")
 
 
 def test_a_file_that_is_there_is_replaced_only_when_asked(tmp_path: Path) -> None:
