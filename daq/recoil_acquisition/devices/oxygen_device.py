@@ -247,7 +247,11 @@ class OxygenDevice(ReopenedDevice):
 
     def _say(self, host_ns: int) -> None:
         """Say among the blocks what the stream holds, and what of it could not be read."""
-        if self._description is not None and host_ns - self._said_ns > 1e9 * REPEATED_S:
+        if (
+            self._decoder.description is not None
+            and self._description is not None
+            and host_ns - self._said_ns > 1e9 * REPEATED_S
+        ):
             self._said_ns = host_ns
             self._ahead.extend(described_events(self.name, host_ns, self._description))
         if self._untold and host_ns - self._told_ns > 1e9 * _TOLD_EVERY_S:
