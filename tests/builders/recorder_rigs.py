@@ -1,4 +1,4 @@
-"""The bundled rig with its recorder alone, live: its channels by the names of the recorder, in the units of its files."""
+"""The bundled rig with its recorder alone, live: its channels by their names and units in the recorder."""
 
 from __future__ import annotations
 
