@@ -31,8 +31,7 @@ pytestmark = [
 PACKET_S = 0.01
 RATE_HZ = 25e3
 MASS_WITHIN_S = 15.0
-"""Longest time from a shot's end to its mass on a machine that runs other tests; what it takes on its own, the benchmarks
-measure."""
+"""Longest time from a shot's end to its mass on a machine that runs other tests; benchmarks measure what it takes."""
 
 
 class Timed(Told):
