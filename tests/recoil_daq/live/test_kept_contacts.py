@@ -1,4 +1,4 @@
-"""Every first contact in ``tests/kept`` is played through the client: that of the virtual recorder, and what users send.
+"""Every first contact in ``tests/kept`` is played through the client: the virtual recorder's, and what users send.
 
 `recoil-daq check RIG --devices --keep FILE` writes one. What is put into that folder is played by this test, and what
 of it cannot be understood fails it.
