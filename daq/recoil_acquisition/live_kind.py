@@ -52,6 +52,8 @@ class LiveKind:
         `recoil_acquisition.devices.device.TellingDevice`.
     is_preview
         Whether its instrument writes a file of its own, of which what is read live is a preview.
+    keeps_talk
+        Whether its device lets all that passes be heard, to be kept and played back.
     is_default
         Whether a table without the key of any kind is of this one, which then says what is missing.
     """
@@ -68,6 +70,7 @@ class LiveKind:
     decodes_all: bool = False
     tells_signals: bool = False
     is_preview: bool = False
+    keeps_talk: bool = False
     is_default: bool = False
 
     def load(self, part: str) -> Any:
@@ -103,6 +106,7 @@ _OWN = (
         signals="recoil_acquisition.capture.oxygen_signals:oxygen_signals",
         capture="recoil_acquisition.capture.oxygen_signals:open_oxygen",
         counted="bytes", example='{ oxygen = "192.0.2.10" }', decodes_all=True, tells_signals=True, is_preview=True,
+        keeps_talk=True,
     ),
     LiveKind(
         "opendaq", ("dewetron",), "stream",

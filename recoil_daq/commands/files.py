@@ -1,6 +1,7 @@
 """Commands that look at rigs and files, and draft rigs."""
 
 from collections.abc import Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,6 +23,13 @@ def check(
     devices: Annotated[
         bool, typer.Option("--devices", help="Open each device, listen, and judge each channel.")
     ] = False,
+    keep: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write all that the recorder says and is told in 30 s to a file, with --devices.", show_default=False
+        ),
+    ] = None,
+    overwrite: OverwriteOption = False,
     explain: Annotated[
         bool,
         typer.Option("--explain", help="Draw the mechanism, with what the rig states of each symbol."),
@@ -32,6 +40,8 @@ def check(
     """Report every fault of a rig file, of calibrations, of recorded files against it, and of devices."""
     if files and devices:
         raise typer.BadParameter("give either FILES or --devices")
+    if keep is not None and not devices:
+        raise typer.BadParameter("--keep goes with --devices")
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_recordings, refuse_no_rig
         from recoil_daq.recording.check import check_rig
@@ -51,10 +61,12 @@ def check(
             checked = check_rig(rig, files or (), progress=progress)
         if devices:
             from recoil_daq.live.device_check import check_devices, device_document
+            from recoil_daq.live.first_contact import FirstContact
             from recoil_daq.live.tables import print_devices
 
-            with session.steps("listen") as progress:
-                heard = check_devices(checked.rig, progress=progress)
+            kept = nullcontext() if keep is None else FirstContact(keep, overwrite=overwrite)
+            with kept as contact, session.steps("listen") as progress:
+                heard = check_devices(checked.rig, keep=contact, progress=progress)
             sound = all(one.verdict != "fail" for one in heard)
             document = device_document(checked.rig, heard) | drawn
             session.finish(document, lambda: print_devices(document), OK if sound else NOT_VALID)

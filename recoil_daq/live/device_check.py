@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +21,12 @@ from recoil_acquisition.errors import DeviceError, RecoilDaqError
 from recoil_acquisition.files.temporary_folder import temporary_folder
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.shot.quality_check import Verdict
+from recoil_daq.live.first_contact import KEPT_S, FirstContact
 from recoil_daq.live.sensor_range import allowed
 from recoil_daq.live.shot import losses_of, lost_anything
 from recoil_daq.live.trigger_at_rest import ConditionAtRest, conditions_at_rest
 from recoil_rigs.rig import Rig
-from recoil_rigs.shots.live_sources import live_sources, told_by
+from recoil_rigs.shots.live_sources import found_by, live_sources, told_by
 from recoil_rigs.twin import simulate_shot
 from recoil_rigs.twin.player import TwinPlayer
 from recoil_rigs.twin.range_day import is_virtual_rig
@@ -88,7 +91,11 @@ def device_document(rig: Rig, heard: Sequence[ChannelHeard]) -> dict[str, Any]:
 
 
 def check_devices(
-    rig: Rig, *, listen_s: float = LISTEN_S, progress: Callable[[str], None] = lambda _: None
+    rig: Rig,
+    *,
+    listen_s: float = LISTEN_S,
+    keep: FirstContact | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[ChannelHeard, ...]:
     """Listen to every device of a rig.
 
@@ -96,6 +103,8 @@ def check_devices(
     ----------
     rig
         Rig whose devices are opened; virtual devices are played here.
+    keep
+        File of all that its one recorder says and is told, for `KEPT_S`.
     progress
         Function called with the name of each source.
 
@@ -107,22 +116,24 @@ def check_devices(
     Raises
     ------
     DeviceError
-        If the rig has no device at all.
+        If the rig has no device at all, or not one recorder whose talk is to be kept.
     RigError, ReadError
         If units contradict, or a database is at fault.
     """
     if not is_virtual_rig(rig):
-        return _listen(rig, None, listen_s, progress)
+        return _listen(rig, None, listen_s, keep, progress)
     with temporary_folder() as folder:
         shot = simulate_shot(rig, Path(folder) / "0001", seed=1, shot="0001")
-        with TwinPlayer(rig, [shot], silence_before_s=listen_s + SETTLE_S + 5.0) as player:
-            return _listen(rig, player.devices, listen_s, progress, player.start)
+        all_s = listen_s if keep is None else max(listen_s, KEPT_S)
+        with TwinPlayer(rig, [shot], silence_before_s=all_s + SETTLE_S + 5.0) as player:
+            return _listen(rig, player.devices, listen_s, keep, progress, player.start)
 
 
 def _listen(
     rig: Rig,
     tables: Mapping[str, Mapping[str, Any]] | None,
     listen_s: float,
+    keep: FirstContact | None,
     progress: Callable[[str], None],
     start: Callable[[], None] = lambda: None,
 ) -> tuple[ChannelHeard, ...]:
@@ -130,20 +141,25 @@ def _listen(
     sources, trigger = live_sources(rig, tables), rig.trigger
     heard: list[ChannelHeard] = []
     blocks: dict[str, list[Block]] = {}
+    heard_out = threading.Event()
     readers: dict[str, DeviceReader] = {}
+    kept = "" if keep is None else _kept(rig, sources)
+    if keep is not None:
+        keep.begin(rig.name, kept)
     try:
         for s in sources:
             progress(f"open {s.name}")
             try:
-                device = open_source(s)
+                device = open_source(s, keep.heard if keep is not None and s.name == kept else None)
             except RecoilDaqError as error:
                 verdict: Verdict = "fail" if rig.source(s.name).required else "warn"
                 heard.append(ChannelHeard(s.name, "", "", 0.0, None, None, verdict, str(error)))
                 continue
             blocks[s.name] = []
-            readers[s.name] = DeviceReader(device, blocks[s.name].append)
-        if told := told_by(sources, {name: reader.device for name, reader in readers.items()}):
-            sources = live_sources(rig, tables, told)
+            readers[s.name] = DeviceReader(device, partial(_append, blocks[s.name], heard_out))
+        opened = {name: reader.device for name, reader in readers.items()}
+        if told := told_by(sources, opened):
+            sources = live_sources(rig, tables, told, found_by(sources, opened))
         start()
         for reader in readers.values():
             reader.start()
@@ -152,6 +168,10 @@ def _listen(
         begins_ns = time.monotonic_ns()
         time.sleep(listen_s)
         ends_ns = time.monotonic_ns()
+        heard_out.set()
+        if kept in readers and (left_s := KEPT_S - SETTLE_S - listen_s) > 0:
+            progress(f"{left_s:g} s more, to keep what {kept} says")
+            time.sleep(left_s)
     finally:
         for name, reader in readers.items():
             try:
@@ -173,6 +193,25 @@ def _listen(
         heard = [_with_trigger(one, [c for c in at_rest if c.channel == one.channel]) for one in heard]
     order = {s.name: i for i, s in enumerate(sources)}
     return tuple(sorted(heard, key=lambda one: order[one.source]))
+
+
+def _kept(rig: Rig, sources: Sequence[LiveSource]) -> str:
+    """Return the one source whose talk is kept; DeviceError if there is not one."""
+    names = [one.name for one in sources if one.live_kind.keeps_talk]
+    if len(names) != 1:
+        raise DeviceError(
+            f"rig {rig.name!r} has {len(names) or 'no'} recorders whose commands and stream can be kept",
+            path=rig.path,
+            expected='one source with such as `device = { oxygen = "192.0.2.10" }`',
+            found=", ".join(names),
+            remedy="keep a rig file with that source alone for it" if names else "leave --keep out",
+        )
+    return names[0]
+
+
+def _append(blocks: list[Block], over: threading.Event, block: Block) -> None:
+    if not over.is_set():
+        blocks.append(block)
 
 
 class _Samples(defaultdict[str, list[LiveSamples]]):

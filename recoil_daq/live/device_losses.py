@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.live_source import LiveSource
-from recoil_acquisition.devices.device import event_of
+from recoil_acquisition.devices.device import CHANGED, event_of
 from recoil_daq.live.display import Display
 
 
@@ -49,6 +49,10 @@ class DeviceLosses:
             elif event.name == "undecoded":
                 text = f"{block.source} CANNOT BE READ LIVE since {when}: {event.detail}; it is recorded"
                 self._display.notice(text)
+            elif event.name == CHANGED:
+                looked_at = {channel.name for channel in self._sources[block.source].channels}
+                so = "; the trigger looks at it: DISARMED" if looked_at & set(session.trigger.channels) else ""
+                self._display.notice(f"{block.source} CHANGED at {when}: {event.detail}{so}")
             elif event.name == "lost" and block.source not in self._lost:
                 self._lost[block.source] = _Loss(at_s, session.rate_hz(block.source))
                 self._display.notice(f"{block.source} LOST at {when}: {event.detail}")

@@ -39,7 +39,7 @@ from recoil_daq.live.trigger_decisions import PARTS_OF_REST, TriggerDecisions
 from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.left_out import left_out
-from recoil_rigs.shots.live_sources import live_sources, told_by
+from recoil_rigs.shots.live_sources import found_by, live_sources, told_by
 
 RESERVE_S = 60.0
 """Time of recording beside a shot, s, for which space is reserved."""
@@ -225,7 +225,7 @@ class LiveRange:
         with opened(self._sources, optional, self._display.notice) as devices:
             self._without |= {source.name for source in self._sources if source.name not in devices}
             self._sources = self._taken(self._sources)
-            self._meet(told_by(self._sources, devices))
+            self._meet(devices)
             session = self._session(devices)
             with self._interruption:
                 try:
@@ -248,10 +248,11 @@ class LiveRange:
         """Return the sources of a session: all but those that are left out of it."""
         return tuple(source for source in sources if source.name not in self._without)
 
-    def _meet(self, told: Mapping[str, Mapping[str, str]]) -> None:
+    def _meet(self, devices: Mapping[str, Device]) -> None:
         """Take what the open devices tell of their signals; RigError if that contradicts the rig, with every case."""
-        if told:
-            self._sources = self._taken(live_sources(self._rig, self._devices, told))
+        if told := told_by(self._sources, devices):
+            found = found_by(self._sources, devices)
+            self._sources = self._taken(live_sources(self._rig, self._devices, told, found))
             self._live.update((source.name, source) for source in self._sources)
             self._channels.update((channel.name, channel) for source in self._sources for channel in source.channels)
 

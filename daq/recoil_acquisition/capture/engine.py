@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from recoil_acquisition.capture.late_reads import LateReads
 from recoil_acquisition.capture.live_source import LiveSamples, LiveSource, signals_of
 from recoil_acquisition.capture.shot_record import CounterSpan
-from recoil_acquisition.devices.device import EVENT, IDLE, Block, Counters, Device
+from recoil_acquisition.devices.device import CHANGED, EVENT, IDLE, Block, Counters, Device, event_of
 from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.trigger import Decision, ShotCutter, ShotWindow, Trigger, TriggerDetector
 
@@ -183,6 +183,7 @@ class CaptureEngine:
         latest_s = block.host_ns / 1e9
         samples = self._decoded(block, latest_s)
         if block.kind == EVENT:
+            self._heed(block)
             return
         self._show(samples, latest_s)
         self._delivered(block)
@@ -215,6 +216,11 @@ class CaptureEngine:
         """Return the decisions since the last call."""
         news, self._news = tuple(self._news), []
         return news
+
+    def _heed(self, block: Block) -> None:
+        """Disarm where a source that the trigger looks at says that its channels are others than when it was armed."""
+        if block.source in self._triggering and self.armed and event_of(block).name == CHANGED:
+            self.disarm()
 
     def _decoded(self, block: Block, at_s: float) -> list[LiveSamples]:
         """Return the samples of a block, past the trigger; nothing more of a source once that failed."""

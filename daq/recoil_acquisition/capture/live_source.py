@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -99,10 +99,10 @@ class LiveSource:
         return kind
 
 
-def open_source(source: LiveSource) -> Device:
-    """Open the device of a source; DeviceError, in one line, if that cannot be done."""
+def open_source(source: LiveSource, heard: Callable[[str, str, bytes], None] | None = None) -> Device:
+    """Open the device of a source, whose talk may be heard; DeviceError, in one line, if that cannot be done."""
     signals = tuple(dict.fromkeys(channel.signal for channel in source.channels))
-    declared = DeviceDeclarations(source.framing, source.database, source.counters, source.bus, signals)
+    declared = DeviceDeclarations(source.framing, source.database, source.counters, source.bus, signals, heard)
     return open_device(source.name, source.kind, source.device, declared)
 
 

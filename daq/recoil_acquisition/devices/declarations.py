@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from recoil_acquisition.frames.framing import Framing
@@ -24,6 +25,9 @@ class DeviceDeclarations:
         Bus of the source, where its device delivers several.
     signals
         Signals of the source that have a channel: what a device that tells its signals is to send.
+    heard
+        Function that is given all that passes, of a device whose talk can be kept: on which connection, who said it,
+        and its bytes.
     """
 
     framing: Framing | None = None
@@ -31,3 +35,4 @@ class DeviceDeclarations:
     counters: tuple[str, ...] = ()
     bus: BusName | None = None
     signals: tuple[str, ...] = ()
+    heard: Callable[[str, str, bytes], None] | None = None

@@ -29,6 +29,9 @@ STREAM = "stream"
 EVENT = "event"
 """Kind of a block that says what happened to the device, see `event_block`."""
 
+CHANGED = "changed"
+"""Name of an event: a device sends other channels, units, scales or rates than before."""
+
 IDLE = "idle"
 """Kind of a block without payload: the device was looked at and had nothing."""
 
@@ -100,7 +103,7 @@ class DeviceEvent:
     ----------
     name
         Name of the event: ``opened``, ``lost``, ``reopened``, ``stalled``, ``unreadable``, ``unanswered``,
-        ``undecoded`` or ``closed``.
+        ``undecoded``, ``described``, ``changed`` or ``closed``.
     detail
         Text in one line.
     """

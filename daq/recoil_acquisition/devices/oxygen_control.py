@@ -1,4 +1,4 @@
-"""What is asked of an OXYGEN recorder, and the little that is told it, before its samples stream.
+"""Commands to an OXYGEN recorder: what is asked of it, and the little that is told it, before its samples stream.
 
 Nothing of the recorder is changed but the one group of the data stream that the rig names; acquisition and storing are
 started where the rig says so, and what was not started here is not stopped here. Commands: the SCPI manual of OXYGEN,
@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from recoil_acquisition.devices.scpi import Heard, ScpiClient, ScpiError, Value, parse_reply, quoted_text
 from recoil_acquisition.errors import nearest_first
@@ -33,7 +33,7 @@ class RecorderError(ScpiError):
 
 @dataclass(frozen=True)
 class OxygenSettings:
-    """What a rig's ``device`` table says of an OXYGEN recorder.
+    """Settings of a rig's ``device`` table of an OXYGEN recorder.
 
     Attributes
     ----------
@@ -51,24 +51,26 @@ class OxygenSettings:
     storing: bool = False
 
 
-@dataclass
 class OxygenControl:
     """Commands to one recorder.
 
     Attributes
     ----------
+    heard
+        Function that is given each line that passes.
     identity
-        What it says it is.
+        Name that it gives itself.
     said
         Properties of each channel that is streamed, as it replied them.
     """
 
-    settings: OxygenSettings
-    heard: Heard = lambda _who, _line: None
-    identity: str = ""
-    said: dict[str, dict[str, str]] = field(default_factory=dict)
-    _client: ScpiClient | None = None
-    _stores: bool = False
+    def __init__(self, settings: OxygenSettings) -> None:
+        self.settings = settings
+        self.heard: Heard = lambda _who, _line: None
+        self.identity = ""
+        self.said: dict[str, dict[str, str]] = {}
+        self._client: ScpiClient | None = None
+        self._stores = False
 
     def connect(self) -> None:
         """Connect, and make sure that it streams at all; OSError if it does not."""

@@ -13,11 +13,12 @@ from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.described import REPEATED_S, described_events
-from recoil_acquisition.devices.device import LARGEST_PIECE, STREAM, Block, Counters, EmptyLook
+from recoil_acquisition.devices.device import CHANGED, LARGEST_PIECE, STREAM, Block, Counters, EmptyLook
 from recoil_acquisition.devices.oxygen_control import PORT, STREAM_PORT, OxygenControl, OxygenSettings, RecorderError
 from recoil_acquisition.devices.reopening import GRACE_S, ReopenedDevice
 from recoil_acquisition.errors import DeviceError
@@ -44,8 +45,8 @@ class OxygenDevice(ReopenedDevice):
     table
         The rig's ``device`` table: ``oxygen``, host and, behind a colon, port of its commands; ``stream_port`` and
         ``group`` of its data stream; ``acquisition`` and ``storing``, whether these are started.
-    signals
-        Names of the recorder's channels that are wanted.
+    declared
+        Declarations, of which the signals are the recorder's channels that are wanted.
 
     Raises
     ------
@@ -55,15 +56,15 @@ class OxygenDevice(ReopenedDevice):
 
     kind = STREAM
 
-    def __init__(self, name: str, table: Mapping[str, Any], signals: tuple[str, ...]) -> None:
+    def __init__(self, name: str, table: Mapping[str, Any], declared: DeviceDeclarations) -> None:
         settings = settings_of(name, table)
         super().__init__(name, f"OXYGEN {settings.host}:{settings.port}", "bytes", None)
-        if not signals:
+        if not declared.signals:
             raise DeviceError(
                 f"source '{name}': no channel of the recorder is declared",
                 remedy="declare the channels that it streams",
             )
-        self._settings, self._signals = settings, tuple(dict.fromkeys(signals))
+        self._settings, self._signals = settings, tuple(dict.fromkeys(declared.signals))
         self._control = OxygenControl(settings)
         self._decoder = OxygenDecoder()
         self._next: dict[int, int] = {}
@@ -74,7 +75,9 @@ class OxygenDevice(ReopenedDevice):
         self._problem = ""
         self._finishing = False
         self._sample_bytes: dict[int, int] = {}
-        self.keep: Any = None
+        self._heard = declared.heard
+        if (heard := declared.heard) is not None:
+            self._control.heard = partial(heard, "scpi")
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -108,9 +111,7 @@ class OxygenDevice(ReopenedDevice):
         return f"{self._what}, {self._control.identity}"
 
     def _connect(self) -> None:
-        control, keep = self._control, self.keep
-        if keep is not None:
-            control.heard = lambda who, line: keep("scpi", who, line)
+        control = self._control
         control.connect()
         control.prepare(self._signals)
         self._look = EmptyLook()
@@ -193,8 +194,8 @@ class OxygenDevice(ReopenedDevice):
         data = bytes(self._driver.recv(LARGEST_PIECE))
         if not data:
             raise ConnectionResetError(self._why_ended())
-        if self.keep is not None:
-            self.keep("stream", "recorder", data)
+        if self._heard is not None:
+            self._heard("stream", "recorder", data)
         return data
 
     def _why_ended(self) -> str:
@@ -242,7 +243,7 @@ class OxygenDevice(ReopenedDevice):
         self._said_ns = 0
         if before is not None and before.channels != found.channels:
             self._next = {}
-            self._tell("changed", _changes(before, found))
+            self._tell(CHANGED, _changes(before, found))
 
     def _say(self, host_ns: int) -> None:
         """Say among the blocks what the stream holds, and what of it could not be read."""
@@ -292,4 +293,4 @@ def settings_of(source: str, table: Mapping[str, Any]) -> OxygenSettings:
 
 def oxygen_device(source: str, table: Mapping[str, Any], declared: DeviceDeclarations) -> OxygenDevice:
     """Return the device of a recorder, which streams the declared channels; DeviceError if the table is at fault."""
-    return OxygenDevice(source, table, declared.signals)
+    return OxygenDevice(source, table, declared)

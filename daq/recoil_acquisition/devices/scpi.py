@@ -6,6 +6,7 @@ done only when the instrument's queue of errors says so.
 
 from __future__ import annotations
 
+import select
 import socket
 import time
 from collections.abc import Callable
@@ -48,6 +49,9 @@ class ScpiClient:
 
     def close(self) -> None:
         """Close the connection; nothing is raised."""
+        if self._held:  # what came of a line that never ended
+            self._heard("recorder", self._held)
+            self._held = b""
         if self._socket is not None:
             with suppress(OSError):
                 self._socket.close()
@@ -55,6 +59,7 @@ class ScpiClient:
 
     def ask(self, query: str) -> str:
         """Return the reply to a query; ScpiError if none comes."""
+        self._leave_unasked()
         self.say(query)
         return self._line(query)
 
@@ -108,6 +113,21 @@ class ScpiClient:
         line, _, self._held = self._held.partition(b"\n")
         self._heard("recorder", line)
         return line.decode("utf-8", errors="replace").strip()
+
+    def _leave_unasked(self) -> None:
+        """Leave out what came without being asked for, lest it be taken for the reply to what is asked now."""
+        one = self._open()
+        try:
+            while len(self._held) <= LONGEST_REPLY and select.select([one], [], [], 0.0)[0]:
+                if not (piece := one.recv(1 << 16)):
+                    break  # the query says so
+                self._held += piece
+        except OSError as error:
+            self.close()
+            raise ScpiError(f"the connection ended: {error.strerror or error}") from error
+        if self._held:
+            self._heard("recorder", self._held)
+            self._held = b""
 
     def _open(self) -> socket.socket:
         if self._socket is None:

@@ -62,7 +62,7 @@ _NUMBERS = {
 
 @dataclass(frozen=True)
 class PacketInfo:
-    """What a packet says of itself."""
+    """Head of a packet: what it says of itself."""
 
     version: int
     stream: int

@@ -1,4 +1,4 @@
-"""What the data stream of an OXYGEN recorder says of itself, as XML: its start, and its channels in their order.
+"""Texts of the data stream of an OXYGEN recorder about itself, XML: its start, and its channels in their order.
 
 Structure: the parser of DEWETRON's LabVIEW client (MIT), version 1.5 of the stream. A real recorder's text was never
 met: what is missing is left open, and what is there beside is let be.
@@ -28,7 +28,7 @@ class StatedChannel:
 
 @dataclass(frozen=True)
 class StreamText:
-    """What one text says; None for what it does not speak of.
+    """Content of one text; None for what it does not speak of.
 
     Attributes
     ----------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, cast
 
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSource
@@ -14,9 +15,11 @@ from recoil_acquisition.live_kind import live_kind_of
 from recoil_acquisition.quantities.quantity import SI_UNITS
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_acquisition.readers.recording import SignalHeader
+from recoil_acquisition.streams.tick_stream import TickChannel
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 from recoil_rigs.shots.assemble import shown_unit, si_line, unit_of
 from recoil_rigs.shots.can_signals import faults_of_can_signals
+from recoil_rigs.shots.found_channels import contradictions
 from recoil_rigs.tables.channel_table import range_si
 
 
@@ -24,6 +27,7 @@ def live_sources(
     rig: Rig,
     devices: Mapping[str, Mapping[str, Any]] | None = None,
     told: Mapping[str, Mapping[str, str]] | None = None,
+    found: Mapping[str, Sequence[TickChannel]] = MappingProxyType({}),
 ) -> tuple[LiveSource, ...]:
     """Return the sources of a rig that have a ``device``, in its order.
 
@@ -34,13 +38,15 @@ def live_sources(
     told
         Units of signals by source and signal, of those whose devices tell them: see `told_by`. Before they are open
         the channels of these sources stand in the units that the rig states, or in SI.
+    found
+        What devices say of their channels beside the units, by source: see `found_by`.
 
     Raises
     ------
     DeviceError
         If no source has a device.
     RigError
-        If units contradict, or a CAN database or a device lacks a signal, with every case.
+        If units, ranges or filters contradict, or a CAN database or a device lacks a signal, with every case.
     ReadError
         If a CAN database is at fault.
     """
@@ -51,6 +57,10 @@ def live_sources(
         for s in rig.sources
         if (table := tables[s.name]) is not None
     ]
+    for source in (s for s in rig.sources if s.name in found):
+        by_name = {one.name: one for one in found[source.name]}
+        for spec in (one for one in rig.channels_of(source.name) if one.signal in by_name):
+            faults += contradictions(source, spec, by_name[spec.signal])
     if faults:
         raise RigError(rig.path, faults)
     if not sources:
@@ -66,6 +76,12 @@ def told_by(sources: Sequence[LiveSource], devices: Mapping[str, Device]) -> dic
     """Return the units that open devices tell of their signals, by source; of those that tell none nothing."""
     telling = [s.name for s in sources if s.live_kind.tells_signals and s.name in devices]
     return {name: cast("TellingDevice", devices[name]).units for name in telling}
+
+
+def found_by(sources: Sequence[LiveSource], devices: Mapping[str, Device]) -> dict[str, Sequence[TickChannel]]:
+    """Return what open devices say of their channels beside the units, by source; of those that say nothing none."""
+    telling = [s.name for s in sources if s.live_kind.tells_signals and s.name in devices]
+    return {name: found for name in telling if (found := getattr(devices[name], "channels", ()))}
 
 
 def _live_source(
