@@ -1,7 +1,7 @@
 """Kinds of source that are read live: one line of a table each, loaded when it is needed.
 
-What a rig's ``device`` table says chooses the kind, by a key that only this kind has. Another package adds one by an
-entry point, which leads to a `LiveKind`::
+What a rig's ``device`` table says chooses the kind, by a key that only this kind has, or by ``virtual = "KEY"``, which
+has it played. Another package adds one by an entry point, which leads to a `LiveKind`::
 
     [project.entry-points."recoil_daq.live_kinds"]
     gauge = "recoil_gauge:KIND"
@@ -129,5 +129,7 @@ def live_kinds() -> tuple[LiveKind, ...]:
 def live_kind_of(source_kind: str, device: Mapping[str, Any] | None) -> LiveKind | None:
     """Return the kind of a source's ``device`` table; None if such a source cannot be read live so."""
     fitting = [kind for kind in live_kinds() if source_kind in kind.source_kinds]
-    chosen = [kind for kind in fitting if kind.key in (device or {})] or [kind for kind in fitting if kind.is_default]
+    table = device or {}
+    chosen = [kind for kind in fitting if kind.key in table or kind.key == table.get("virtual")]
+    chosen = chosen or [kind for kind in fitting if kind.is_default]
     return chosen[0] if chosen else None

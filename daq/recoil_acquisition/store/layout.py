@@ -42,6 +42,7 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.channel import Step
+from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
 from recoil_acquisition.files.strict_json import read_json
 from recoil_acquisition.measured import Worded, beside, with_figures
 from recoil_acquisition.remark import Reason, ReasonCode
@@ -175,8 +176,11 @@ def read_clock_fits(entry: Any) -> dict[str, Any]:
     notes = sorted((_own(entry, "clock_fits") or {}).values(), key=lambda note: int(note.attrs["order"]))
     fits = {read_text(note, "clock"): _json(note, "data") for note in notes}
     for clock, fit in fits.items():
-        numbers = [fit[key] for key in ("drift", "u_offset_s", "typical_delay_s", "largest_delay_s")]
-        numbers += [step["step_s"] for step in fit["steps"]] + ([] if fit["u_drift"] is None else [fit["u_drift"]])
+        if TICK_ANCHORS in fit:  # an instrument's own count of its samples, which is no fit
+            numbers = [fit["rate_hz"]] + [one[key] for one in fit[TICK_ANCHORS] for key in ("tick", "host_ns", "u_ns")]
+        else:
+            numbers = [fit[key] for key in ("drift", "u_offset_s", "typical_delay_s", "largest_delay_s")]
+            numbers += [step["step_s"] for step in fit["steps"]] + ([] if fit["u_drift"] is None else [fit["u_drift"]])
         if not all(type(number) in (int, float) for number in numbers):
             raise ValueError(f"the clock fit of {clock!r} is none")
     return fits
