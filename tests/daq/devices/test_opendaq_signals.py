@@ -28,7 +28,7 @@ def test_a_channel_is_what_its_descriptors_say():
     assert (channel.name, channel.unit, channel.tick_rate, channel.step) == ("p", "MPa", Fraction(1_000_000), 5)
     assert (channel.factor, channel.offset) == (1.0, 0.0)
     assert channel.said == {
-        "id": "/dev/p", "values": "Float64", "range": "-10 to 10", "origin": "1970-01-01T00:00:00Z"
+        "id": "/dev/p", "values": "Float64", "Range": "-10 MPa to 10 MPa", "origin": "1970-01-01T00:00:00Z"
     }  # fmt: skip
 
 
