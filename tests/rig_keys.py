@@ -74,8 +74,7 @@ DEVICE_OF_OPENDAQ = {
     "opendaq": (
         "text",
         "",
-        "address of an openDAQ device: `daq.nd://HOST[:PORT]` (native), `daq.ns://` (its stream alone), `daq.lt://` "
-        "(websocket stream), `daqref://device0` (the library's own)",
+        "address: `daq.nd://HOST[:PORT]` native, `daq.ns://` its stream alone, `daq.lt://` websocket, `daqref://device0`",
     ),
 }
 FRAMINGS = """\

@@ -37,7 +37,7 @@ from recoil_rigs.shots.assemble import find_signal, si_line, unit_of
 COMPARED = "compare with the preview"
 """Operation in a shot's history, whose parameters are the figures of the comparison."""
 MOST_COMPARED = 1 << 24
-"""Samples of a channel that are compared as a whole; of more the part about the shot is."""
+"""Samples of a file that are compared as a whole; of more the part about the shot is, where it was cut out."""
 OTHER_RATE = 1e-3
 """Share by which the rates of preview and file may differ: they are one instrument's."""
 
@@ -126,7 +126,7 @@ def compared_previews(
             if own == path or source not in opened:
                 continue
             whole = opened[source]
-            if max((header.sample_count for header in whole.signals), default=0) > MOST_COMPARED:
+            if sum(header.sample_count for header in whole.signals) > MOST_COMPARED:
                 whole = cut.get(source, whole)
             printed = str(getattr(readers[own], "path", "")).startswith("text.")
             try:

@@ -9,11 +9,12 @@ from __future__ import annotations
 import datetime as dt
 import json
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,7 @@ KIND = LiveKind(
 BEGAN = dt.datetime(2026, 6, 1, 12, tzinfo=dt.UTC)
 HOST_NS = 7_000_000_000_000
 PACKET = 250
+NO_UNITS: Mapping[str, str] = MappingProxyType({})
 
 
 @contextmanager
@@ -147,12 +149,13 @@ class PreviewedShot:
         count: int = 7000,
         timed: bool = True,
         zero_s: int = 0,
+        units: Mapping[str, str] = NO_UNITS,
     ) -> Path:
         """Write the capture of what was read live, samples `first` and the next ones of the file."""
         wrong = faults or Faults()
         own = of or self.own
         recording = recognise(own).open(own, Declarations("dewetron"))
-        names = [(one.name, one.unit) for one in recording.signals]
+        names = [(one.name, units.get(one.name, one.unit)) for one in recording.signals]
         rows = np.stack(
             [wrong.scale.get(n, 1.0) * recording.read(n)[first + wrong.shift :][:count] for n, _ in names], axis=1
         )

@@ -161,7 +161,7 @@ def open_ticks(path: Path, source: CapturedSource, clock: str, decoder: TickDeco
 
 
 def _items(source: CapturedSource, decoder: TickDecoder) -> Iterator[tuple[int, TickItem | None, bool]]:
-    """Yield what the records say: the host's time, the item, and whether an event said it; None for a lost connection."""
+    """Yield host time, item, and whether an event said it, of what the records say; None for a lost connection."""
     events = DescribedEvents()
     for record in source.records:
         if record.kind in DATA:

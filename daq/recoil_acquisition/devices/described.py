@@ -53,3 +53,17 @@ class DescribedEvents:
             return description_of(base64.b85decode(packed))
         except ValueError:
             return None
+
+
+def changes(before: StreamDescription, now: StreamDescription) -> str:
+    """Say how a stream's channels are described otherwise than before; empty where they are not."""
+    old, new = ({one.name: one for one in each.channels} for each in (before, now))
+    found = [f"{name} is gone" for name in old if name not in new]
+    found += [f"{name} is new" for name in new if name not in old]
+    for name in (one for one in old if one in new):
+        for what in ("unit", "factor", "offset", "tick_rate", "step"):
+            was, is_now = getattr(old[name], what), getattr(new[name], what)
+            if was != is_now:
+                shown = what.replace("tick_rate", "rate")
+                found.append(f"{shown} of {name} is {is_now or 'none'}, was {was or 'none'}")
+    return "; ".join(found[:8]) or ("" if [*old] == [*new] else "the order of its channels")

@@ -13,12 +13,11 @@ import threading
 import time
 from collections import deque
 from collections.abc import Collection, Mapping
-from itertools import zip_longest
 from typing import Any
 
 from recoil_acquisition.devices.declarations import DeviceDeclarations
-from recoil_acquisition.devices.described import REPEATED_S, described_events
-from recoil_acquisition.devices.device import STREAM, Block, Counters, EmptyLook, event_block
+from recoil_acquisition.devices.described import REPEATED_S, changes, described_events
+from recoil_acquisition.devices.device import CHANGED, STREAM, Block, Counters, EmptyLook, event_block
 from recoil_acquisition.devices.opendaq_process import (
     CONNECTED,
     CONNECTING,
@@ -367,13 +366,13 @@ class OpendaqDevice:
         return True
 
     def _describe(self, packet: Packet) -> None:
-        before, self._described = self.channels, description_of(packet.content)
+        before, self._described = self._described, description_of(packet.content)
         self._epoch = packet.epoch
-        for place, (old, new) in enumerate(zip_longest(before, self.channels)):
-            if old is None or new is None or (old.name, old.step) != (new.name, new.step):
-                self._next.pop(place, None)
         if self._is_lost:
             self._tell_found()
+        if before is not None and (otherwise := changes(before, self._described)):
+            self._next = {}
+            self._ahead.append(self._event(CHANGED, otherwise))
         self._say_description(time.monotonic_ns())
         self._has_stalled = False
         self._alive_s = self._sampled_s = time.monotonic()

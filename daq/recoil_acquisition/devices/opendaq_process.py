@@ -55,6 +55,8 @@ MOST_WAITING = 256 << 20
 _LOOK_AGAIN_S = 2.0
 _ON_THE_NETWORK = ("daq.nd:", "daq.ns:", "daq.lt:", "daq.opcua:")
 _PIPE_BYTES = 1 << 20
+MOST_TRIES = 100
+"""Tries to connect before the process makes way for another: each leaves 80 kB in the library, for good."""
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S, _GROWTH = 0.2, 2.0, 1.5
 
 
@@ -125,13 +127,18 @@ class _Reading:
         self._described: StreamDescription | None = None
         self._device: Any = None
         self._signals = DeviceSignals()
+        builder = daq.InstanceBuilder()
+        builder.global_log_level = daq.LogLevel.Off
+        self._instance = builder.build()
 
     def connect(self) -> None:
         """Connect and begin to read; RuntimeError if there is no connection, or nothing to read."""
-        builder = self._daq.InstanceBuilder()
-        builder.global_log_level = self._daq.LogLevel.Off
-        self._instance = builder.build()
-        self._device = self._instance.add_device(self._address, self._config())
+        self.tell()
+        try:
+            self._device = self._instance.add_device(self._address, self._config())
+        except RuntimeError as error:
+            # of whatever it is the library says but "Failed to create device from connection string"
+            raise RuntimeError("it cannot be connected to, and the library does not say why") from error
         signals = self._all_signals()
         if not signals.readers:
             raise RuntimeError("; ".join(["it has no signal that can be read", *signals.left_out]))
@@ -140,6 +147,13 @@ class _Reading:
             self._out.put(packet(LEFT_OUT, "; ".join(signals.left_out).encode()[:LARGEST_CONTENT]))
         self._describe(anew=True)
         self.state = CONNECTED
+
+    def disconnect(self) -> None:
+        """Let go of what it is connected to."""
+        device, self._device, self._signals = self._device, None, DeviceSignals()
+        if device is not None:
+            with contextlib.suppress(RuntimeError):
+                self._instance.remove_device(device)
 
     def _all_signals(self) -> DeviceSignals:
         """Wait until it shows its signals: a stream alone shows them one after another."""
@@ -243,39 +257,46 @@ def main(address: str, first_epoch: int, wanted: Collection[str], *, again: bool
     out = _Out(_own_output())
     asked = threading.Event()
     threading.Thread(target=_listen, args=(asked,), daemon=True).start()
-    pause_s = _FIRST_PAUSE_S
-    while True:
-        reading: _Reading | None = None
-        try:
-            reading = _Reading(import_module("opendaq"), address, first_epoch, wanted, out)
-            reading.tell()
-            reading.connect()
-            break
-        except (RuntimeError, SignalsChangedError, ImportError) as error:
-            if not again:
-                found = [] if reading is None else reading.found()
-                said = {"problem": " ".join(str(error).split()), "found": found}
-                out.put(packet(REFUSED, json.dumps(said).encode()))
-                out.finish()
-                os._exit(0)
-        ends_s = time.monotonic() + pause_s
-        while (left_s := ends_s - time.monotonic()) > 0 and not asked.wait(min(left_s, HEARTBEAT_S)):
-            out.put(packet(HEARTBEAT, CONNECTING.encode()))
-        pause_s = min(pause_s * _GROWTH, _LONGEST_PAUSE_S)
-        if asked.is_set():
-            break
+    pause_s, tries = _FIRST_PAUSE_S, 0
     try:
-        while not asked.wait(POLL_S):
-            reading.poll()
-        if reading is not None and reading.state != CONNECTING:
-            reading.poll()
-        out.put(packet(END))
-    except (SignalsChangedError, RuntimeError) as error:
-        said = {"problem": " ".join(str(error).split()), "found": []}
-        out.put(packet(REFUSED, json.dumps(said).encode()))
+        reading = _Reading(import_module("opendaq"), address, first_epoch, wanted, out)
+    except (ImportError, RuntimeError) as error:
+        _refuse(out, error, [])
+        asked.set()
+    while not asked.is_set():
+        try:
+            reading.connect()
+        except (RuntimeError, SignalsChangedError) as error:
+            reading.disconnect()
+            tries += 1
+            if not again or tries > MOST_TRIES:
+                _refuse(out, error, reading.found())
+                break
+            ends_s = time.monotonic() + pause_s
+            while (left_s := ends_s - time.monotonic()) > 0 and not asked.wait(min(left_s, HEARTBEAT_S)):
+                out.put(packet(HEARTBEAT, CONNECTING.encode()))
+            pause_s = min(pause_s * _GROWTH, _LONGEST_PAUSE_S)
+            continue
+        _read_on(reading, asked, out)
+        break
     out.finish()
     # the library's threads are not waited for: one that hangs would keep this process
     os._exit(0)
+
+
+def _read_on(reading: _Reading, asked: threading.Event, out: _Out) -> None:
+    try:
+        while not asked.wait(POLL_S):
+            reading.poll()
+        reading.poll()  # what came in the meantime
+        out.put(packet(END))
+    except (SignalsChangedError, RuntimeError) as error:
+        _refuse(out, error, [])
+
+
+def _refuse(out: _Out, error: Exception, found: list[str]) -> None:
+    said = {"problem": " ".join(str(error).split()), "found": found}
+    out.put(packet(REFUSED, json.dumps(said).encode()))
 
 
 def _own_output() -> int:

@@ -272,9 +272,11 @@ def _form(value: Any, domain: Any, name: str, identifier: str) -> _Form:
     resolution, unit = domain.tick_resolution, domain.unit
     if resolution is None or resolution.numerator <= 0 or unit is None or str(unit.symbol) != _SECOND:
         raise _UnusableError("its domain does not count seconds")
+    spelled = "" if value.unit is None else str(value.unit.symbol)
     said = {"id": identifier, "values": sample_type}
     if (span := value.value_range) is not None:
-        said["range"] = f"{_number(span.low_value)} to {_number(span.high_value)}"
+        low, high = (f"{float(one):.10g} {spelled}".strip() for one in (span.low_value, span.high_value))
+        said["Range"] = f"{low} to {high}"
     stated = domain.reference_domain_info
     scale = "Unknown" if stated is None else stated.reference_time_protocol.name
     ahead = 0 if stated is None or stated.reference_domain_offset is None else int(stated.reference_domain_offset)
@@ -285,7 +287,7 @@ def _form(value: Any, domain: Any, name: str, identifier: str) -> _Form:
     origin = str(domain.origin)
     channel = TickChannel(
         name,
-        "" if value.unit is None else str(value.unit.symbol),
+        spelled,
         Fraction(int(resolution.denominator), int(resolution.numerator)),
         _step(domain),
         float(line["scale"]),
@@ -322,7 +324,3 @@ def _utc_ns(origin: str) -> int | None:
         return None
     since = instant - datetime(1970, 1, 1, tzinfo=UTC)
     return (since.days * 86_400 + since.seconds) * 10**9 + since.microseconds * 1000
-
-
-def _number(value: Any) -> str:
-    return f"{float(value):.10g}"

@@ -235,7 +235,7 @@ class OxygenDevice(ReopenedDevice):
             elif isinstance(item, StreamFault):
                 self._bad += 1
                 self._untold, self._problem = self._untold + 1, item.problem
-                damaged = damaged or item.problem.endswith("the stream is damaged")
+                damaged = damaged or item.is_out_of_step
             else:
                 self._describe(item)
         info = self._decoder.info

@@ -99,7 +99,7 @@ class OxygenDecoder:
     packets, lost_packets
         Numbers of packets that were read, and that are missing by their sequence numbers.
     info
-        What the last packet says of itself; None before the first.
+        Head of the last packet; None before the first.
     description
         Description that is in force; None before there is one.
     """
@@ -152,7 +152,7 @@ class OxygenDecoder:
             if self._in_step:
                 self._in_step = False
                 said = f"a packet of {size} bytes" if token == TOKEN else f"{bytes(held[:8])!r} where a packet begins"
-                items.append(StreamFault(f"{said}: the stream is damaged"))
+                items.append(StreamFault(f"{said}: the stream is damaged", is_out_of_step=True))
             place = held.find(TOKEN, 1)
             del held[: len(held) - len(TOKEN) + 1 if place < 0 else place]
         return None

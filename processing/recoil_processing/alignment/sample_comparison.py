@@ -44,6 +44,7 @@ _EXPLAINED = 0.5
 """Share of the differences that a scale must take away."""
 _FIT = 0.9
 """Share of a part's samples that must be equal where it lies elsewhere."""
+_LARGEST = float(np.finfo(np.float64).max)
 _FINEST, _COARSEST, _FEW = 9, -3, 256
 """Decimals to which numbers may be printed, and how many numbers are looked at first."""
 
@@ -72,7 +73,7 @@ class Sampled(ReadOnlyArrays):
         if not self.samples.size:
             return np.empty(0)
         found = np.full(int(self.numbers[-1] - self.numbers[0]) + 1, np.nan)
-        found[self.numbers - self.numbers[0]] = self.samples
+        found[self.numbers - self.numbers[0]] = np.where(np.isfinite(self.samples), self.samples, np.nan)
         return found
 
 
@@ -208,7 +209,9 @@ def compare_records(
     found: dict[str, SampleComparison] = {}
     guess = expected
     for name, (preview, file) in channels.items():
-        found[name] = _compared(preview, file, guess, (printed or {}).get(name, 0.0))
+        # numbers of any size stand in a damaged file: what overflows is equal to nothing, and on no line
+        with np.errstate(all="ignore"):
+            found[name] = _compared(preview, file, guess, (printed or {}).get(name, 0.0))
         if guess is None and found[name].lag is not None and found[name].equal:
             guess = found[name].lag
     lags: Counter[int] = Counter()
@@ -302,7 +305,7 @@ def _told(ours: Array, whole: Array, lag: int, size: float, printed: float, by: 
         missing_in_preview=int(missing.size),
         missing_in_file=int((np.isfinite(a) & ~both).sum()), beyond=int(np.isfinite(ours).sum() - np.isfinite(a).sum()),
         lag=lag, aligned_by=by,
-        largest=float(np.abs(a[apart] - b[apart]).max(initial=0.0)),
+        largest=min(float(np.abs(a[apart] - b[apart]).max(initial=0.0)), _LARGEST),
         first_difference=int(apart[0]) + first if apart.size else None,
         values=(float(a[apart[0]]), float(b[apart[0]])) if apart.size else None,
         first_missing=int(missing[0]) + first if missing.size else None,
@@ -397,9 +400,11 @@ def _line(a: Array, b: Array, apart: Flags) -> tuple[float, float]:
     scale, offset, u_scale, u_offset = 1.0, 0.0, math.inf, math.inf
     for _ in range(3):
         x, y = b[good], a[good]
+        if x.size < _LEAST_RUN or not np.ptp(x):
+            return 1.0, 0.0
         since = x - x.mean()
         spread = float(since @ since)
-        if x.size < _LEAST_RUN or not spread:
+        if not spread:
             return 1.0, 0.0
         scale = float(since @ y) / spread
         offset = float(y.mean() - scale * x.mean())
@@ -408,6 +413,8 @@ def _line(a: Array, b: Array, apart: Flags) -> tuple[float, float]:
         u_scale = sigma / math.sqrt(spread)
         u_offset = math.hypot(sigma / math.sqrt(x.size), u_scale * float(x.mean()))
         good = np.asarray(np.abs(left) <= max(4.0 * sigma, 1e-12 * float(np.abs(a).max())))
+    if not math.isfinite(scale) or not math.isfinite(offset):
+        return 1.0, 0.0
     off_scale = abs(scale - 1.0) > max(_SURE_SCALE * u_scale, _LEAST_SCALE)
     reach = float(np.abs(b).max())
     off_zero = abs(offset) > max(_SURE_SCALE * u_offset, _LEAST_SCALE * reach)

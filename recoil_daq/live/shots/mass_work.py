@@ -14,7 +14,7 @@ from typing import Any
 from recoil_acquisition.errors import RecoilDaqError, WorkerError, quoted
 from recoil_daq.live.display import Display
 from recoil_daq.live.shot import LiveShot, ShotState
-from recoil_daq.live.shots.preview import LARGE_DIFFERENCE, mass_by_file
+from recoil_daq.live.shots.preview import LARGE_DIFFERENCE, mass_by_file, preview_of
 from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_processing.shot.thinned import THINNED_ABOVE_HZ
 from recoil_rigs.tables.specification import mass_decimals
@@ -197,7 +197,7 @@ def provisional(mass: Mapping[str, Any], preview: Collection[str] = ()) -> tuple
         Sources whose own files are to come.
     """
     found = [] if mass["thinned_hz"] is None else [f"thinned to {mass['thinned_hz'] / 1e3:g} kHz"]
-    return (*found, *([f"preview of {', '.join(sorted(preview))}"] if preview else []))
+    return (*found, *preview_of(preview))
 
 
 def mass_line(shot: str, mass: Mapping[str, Any]) -> str:

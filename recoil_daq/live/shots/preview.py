@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from recoil_acquisition.shot.quality_check import Check
 
 LARGE_DIFFERENCE = 0.05
 """Difference of the masses by preview and file, in standard uncertainties, beyond which it is another mass."""
+
+
+def previewed_sources(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the sources of which a shot file has what was read live alone, by a document of ``ingest --json``."""
+    return tuple(one["channel"] for one in document.get("quality", ()) if one["check"] == Check.PREVIEW.value)
+
+
+def preview_of(sources: Collection[str]) -> tuple[str, ...]:
+    """Say why a mass is not the last word, where the own files of some sources are to come; nothing of none."""
+    return (f"preview of {', '.join(sorted(sources))}",) if sources else ()
 
 
 def compared_lines(document: Mapping[str, Any]) -> tuple[str, ...]:

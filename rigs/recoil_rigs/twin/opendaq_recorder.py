@@ -20,6 +20,7 @@ import numpy as np
 from recoil_acquisition.errors import DeviceError, ErrorCode
 from recoil_acquisition.packages.extras import OPENDAQ
 from recoil_acquisition.processes.child_process import ChildProcess
+from recoil_rigs.twin.faults import ChangeKind
 from recoil_rigs.twin.opendaq_server import (
     CHANGE,
     CLIENTS,
@@ -29,7 +30,7 @@ from recoil_rigs.twin.opendaq_server import (
     SEND,
 )
 from recoil_rigs.twin.oxygen_packets import Raw, WireChannel
-from recoil_rigs.twin.oxygen_recorder import GOOD, HOST, ChangeKind, Handling, RecorderContent
+from recoil_rigs.twin.oxygen_recorder import GOOD, HOST, Handling, RecorderContent
 
 _LOOK_S = 0.02
 _NOBODY = -1

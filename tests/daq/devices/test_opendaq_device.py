@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 import pytest
 
 from recoil_acquisition.devices import opendaq_device
-from recoil_acquisition.devices.device import STREAM
+from recoil_acquisition.devices.device import CHANGED, STREAM
 from recoil_acquisition.devices.opendaq_device import OpendaqDevice
 from recoil_acquisition.errors import DeviceError, ErrorCode
 from recoil_acquisition.packages.extras import Extra
@@ -110,7 +110,7 @@ def test_it_tells_its_channels_and_each_sample_has_its_tick():
         (TICK_RATE, 50),
         (TICK_RATE, 0),
     ]
-    assert described.channels[0].said["range"] == "-10 to 10"
+    assert described.channels[0].said["Range"] == "-10 MPa to 10 MPa"
     assert book.names == ["opened", "closed"]
     assert not book.faults
     assert not book.gaps
@@ -184,6 +184,8 @@ def test_a_recorder_that_comes_back_as_another_is_described_anew():
         read_for(device, book, 1.0)
         closed(device, book)
     assert [described.channels[0].unit for described in book.descriptions][-1] == "bar"
+    (changed,) = (event.detail for event in book.events if event.name == CHANGED)
+    assert changed == "unit of c0 is bar, was MPa; unit of c1 is bar, was V"
     assert device.units["c0"] == "bar"
     assert not book.wrong
 

@@ -197,6 +197,22 @@ def test_instants_on_a_beat_have_numbers_and_others_have_none() -> None:
     assert beat_numbers(np.array([0.0, 1e9]), 1e-5) is None
 
 
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.floats(width=64), max_size=60),
+    st.lists(st.floats(width=64), max_size=60),
+    st.sampled_from([0.0, 1e-3, 5e-324, 1e300]),
+    st.none() | st.integers(-70, 70),
+)
+def test_no_numbers_end_a_comparison(
+    preview: list[float], file: list[float], size: float, expected: int | None
+) -> None:
+    whole = Sampled(np.array(file), np.arange(len(file)), size)
+    found = one(sampled(np.array(preview)), whole, expected, printed=1e-3)
+    assert json.loads(json.dumps(found.to_json(), allow_nan=False)) == found.to_json()
+    assert found.compared <= min(len(preview), len(file))
+
+
 @settings(max_examples=30, deadline=None)
 @given(st.integers(-300, 300), st.integers(400, 1500), st.sampled_from([0.5, 0.99, 1.0, 1.01, 2.0]), st.integers(0, 60))
 def test_shift_scale_and_hole_are_told_whatever_they_are(by: int, start: int, scale: float, hole: int) -> None:

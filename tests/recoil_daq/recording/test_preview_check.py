@@ -5,19 +5,24 @@ from __future__ import annotations
 import datetime as dt
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from recoil_acquisition.errors import StoreError
+from recoil_acquisition.log.capture import read_capture
+from recoil_acquisition.readers.excerpt import span_of
+from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.shot.quality_check import Check
 from recoil_acquisition.shot.shot import Shot
 from recoil_acquisition.store import read_shot
 from recoil_daq.recording.ingest import Ingested, ingest_files
-from recoil_daq.recording.preview_check import COMPARED
+from recoil_daq.recording.preview_check import COMPARED, ComparedPreview, compared_previews
 from recoil_daq.reports.identify import identify_file
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
+from recoil_rigs.rig import parse_rig
 from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.preview_captures import Faults, PreviewedShot, previewed_shot
 
@@ -127,6 +132,44 @@ def test_a_preview_with_a_hole_is_named_whether_its_ticks_show_it_or_not(shot: P
     assert "at 0.156000 s (sample 3900)" in text
     hidden = replaced(shot, shot.own, Faults(hole=(3000, 3064), hidden=True)).shot
     assert "; 64 samples fell out without a gap in its time at 0.156000 s (sample 3900); " in told(hidden)[1]
+
+
+def test_a_preview_in_another_unit_is_compared_in_the_files(shot: PreviewedShot) -> None:
+    text = shot.rig.text.replace(f'signal = "{BRAKE}"', f"# {BRAKE}", 1)
+    before, _, after = text.partition(f"# {BRAKE}")
+    head, _, tail = after.partition('unit = "MPa"')
+    rig = parse_rig(f'{before}signal = "{BRAKE}"{head}{tail}', shot.rig.path)
+    kilo = shot.preview(Faults(scale={BRAKE: 1e3}), units={BRAKE: "kPa"})
+    one = replace(shot, rig=rig)
+    made = ingest_files(rig, [kilo, one.own, *one.others], shot="0003", out=shot.folder / "units", on=DAY)
+    assert told(made.shot)[0] == "ok"
+    mega = shot.preview(Faults(scale={BRAKE: 1e3}), units={BRAKE: "MPa"})
+    again = ingest_files(
+        rig, [mega, one.own, *one.others], shot="0003", out=shot.folder / "units", on=DAY, replaces=WHY
+    )
+    assert "the preview is 1000 times the file" in told(again.shot, "p_brake")[1]
+
+
+def test_of_a_file_that_is_too_long_the_part_about_the_shot_is_compared(
+    shot: PreviewedShot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("recoil_daq.recording.preview_check.MOST_COMPARED", 10_000)
+    capture = shot.preview()
+    (one,) = read_previews(shot, capture, part=2000)
+    assert one.channels["p_brake"].compared == 2000
+    monkeypatch.setattr("recoil_daq.recording.preview_check.MOST_COMPARED", 1 << 24)
+    (one,) = read_previews(shot, capture, part=2000)
+    assert one.channels["p_brake"].compared == 7000
+
+
+def read_previews(shot: PreviewedShot, capture: Path, part: int) -> tuple[ComparedPreview, ...]:
+    """Compare a preview with the recorder's file, of which a part was cut out."""
+    readers = {path: recognise(path) for path in (capture, shot.own)}
+    whole = readers[shot.own].open(shot.own, shot.rig.declarations(shot.rig.source("dewetron")))
+    base = whole.time_base(BRAKE)
+    cut = span_of(whole, base.times_s[3000], base.times_s[3000 + part], "cut")
+    captures, matched = {capture: read_capture(capture)}, {"dewetron": shot.own}
+    return compared_previews(shot.rig, captures, readers, matched, {"dewetron": whole}, {"dewetron": cut})
 
 
 def test_a_file_of_another_rate_is_compared_with_nothing_and_says_so(shot: PreviewedShot) -> None:

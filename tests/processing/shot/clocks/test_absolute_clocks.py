@@ -115,8 +115,9 @@ def test_a_bus_read_live_has_the_hosts_time_and_the_rate_of_its_own_clock() -> N
     assert found.drift == 2e-5
     assert found.u_offset_s == pytest.approx(math.hypot(1e-5, 3e-5), rel=1e-3)
     unknown = replace(shot, clock_fits={SECOND: fit | {"u_drift": None}})
-    (found,) = (one for one in align_clocks(FiredShot(unknown, rig)) if one.clock == SECOND)
-    assert found.u_drift > 5e-5
+    (less_sure,) = (one for one in align_clocks(FiredShot(unknown, rig)) if one.clock == SECOND)
+    assert less_sure.u_drift > 1.1 * found.u_drift
+    assert less_sure.u_offset_s > found.u_offset_s
 
 
 def test_locks_and_both_offsets_stand_in_the_shot_file(tmp_path: Path) -> None:
