@@ -186,7 +186,7 @@ class OxygenDecoder:
         self.packets += 1
         if self._is_wrong or not parts:
             return items
-        return items + ([StreamFault(self._unsaid)] if self._unsaid else self._samples(parts))
+        return items + ([StreamFault(self._unsaid, is_out_of_step=True)] if self._unsaid else self._samples(parts))
 
     def _take_info(self, part: memoryview) -> list[TickItem]:
         if len(part) < _INFO.size:
@@ -208,7 +208,7 @@ class OxygenDecoder:
     def _forget(self, problem: str) -> None:
         """Take no sample for what the stream said before: neither scalings nor the order of its channels hold."""
         self._stated, self.description, self._start = None, None, StreamText()
-        self._unsaid = f"{problem}: the stream is damaged"
+        self._unsaid = f"{problem}: left out"
 
     def _take_text(self, content: bytes) -> list[TickItem]:
         try:
