@@ -25,6 +25,7 @@ from hypothesis.extra import numpy as npst
 
 from recoil_acquisition.channel import Channel, RawCounts, Step
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.files.shot_name import shot_name_fault
 from recoil_acquisition.measured import figures_of, measured, worded
@@ -323,6 +324,17 @@ def test_a_file_of_before_there_were_acquisitions_opens(tmp_path: Path) -> None:
     assert (shot_summary(path)["acquisition"], shot_summary(path)["clock_fits"]) == (None, {})
 
 
+def test_the_ticks_of_an_instrument_that_counts_its_samples_come_back(tmp_path: Path) -> None:
+    anchors = [{"tick": 70_000, "host_ns": 68_291_000_000_000, "u_ns": 900}]
+    counted = replace(make_shot(), clock_fits={"daq": {"rate_hz": 5e4, TICK_ANCHORS: anchors}})
+    write_shot(counted, tmp_path / "s.h5")
+    assert_same_shot(read_shot(tmp_path / "s.h5"), counted)
+    # what is no number is no anchor, and the file is refused when it is read back
+    broken = replace(counted, clock_fits={"daq": {"rate_hz": 5e4, TICK_ANCHORS: [{**anchors[0], "u_ns": "900"}]}})
+    with pytest.raises(StoreError, match="does not read back"):
+        write_shot(broken, tmp_path / "t.h5")
+
+
 DOUBT = Reason(ReasonCode.CLOCK, "imu", "clock imu: alignment ambiguous: two candidates; look at both records")
 
 
@@ -407,18 +419,6 @@ def test_shots_that_were_acquired_otherwise_differ(change: dict[str, Any], says:
     shot = replace(make_shot(), clock_fits={"can": CLOCK_FIT, "imu": CLOCK_FIT})
     assert first_difference(shot, shot) is None
     assert first_difference(shot, replace(shot, **change)) == says
-
-
-TICKS = {"rate_hz": 200e3, "tick_anchors": [{"tick": 7, "host_ns": 10**15, "u_ns": 300}]}
-
-
-def test_the_ticks_of_a_recorder_are_kept_with_their_anchors(tmp_path: Path) -> None:
-    shot = replace(make_shot(), clock_fits={"daq": TICKS, "can": CLOCK_FIT})
-    write_shot(shot, tmp_path / "s.h5")
-    assert read_shot(tmp_path / "s.h5").clock_fits == shot.clock_fits
-    wrong = {**TICKS, "tick_anchors": [{"tick": "7", "host_ns": 0, "u_ns": 1}]}
-    with pytest.raises(StoreError, match="the clock fit of 'daq' is none"):
-        write_shot(replace(shot, clock_fits={"daq": wrong}), tmp_path / "wrong.h5")
 
 
 def test_a_damaged_record_of_the_acquisition_is_a_damaged_file(written: Path) -> None:
