@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-import threading
 import time
 from collections import deque
 from collections.abc import Collection, Mapping
@@ -17,7 +16,7 @@ from typing import Any
 
 from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.described import REPEATED_S, changes, described_events
-from recoil_acquisition.devices.device import CHANGED, STREAM, Block, Counters, EmptyLook, event_block
+from recoil_acquisition.devices.device import CHANGED, STREAM, Block, Counters, event_block
 from recoil_acquisition.devices.opendaq_process import (
     CONNECTED,
     CONNECTING,
@@ -27,6 +26,7 @@ from recoil_acquisition.devices.opendaq_process import (
     RECONNECTING,
     REFUSED,
 )
+from recoil_acquisition.devices.opendaq_pump import Pump
 from recoil_acquisition.devices.reopening import BackOff
 from recoil_acquisition.errors import DeviceError, ErrorCode, nearest_first, visible
 from recoil_acquisition.packages.extras import OPENDAQ
@@ -55,71 +55,7 @@ FROZEN_S = 3.0
 GIVEN_UP_S = 30.0
 """Time for which the library may seek a lost connection by itself; then its process is started anew."""
 _CLOSED_WITHIN_S = 1.0
-_PIECE = 1 << 20
-_MOST_WAITING = 64 << 20
-"""Bytes that wait to be read here; then the process waits, which holds some seconds more itself."""
 _BYTES_A_PACKET, _PACKETS_PER_S = 32, 50.0
-
-
-class _Pump(threading.Thread):
-    """Thread that takes what a process prints: the one way to wait for a pipe for a time on every system."""
-
-    def __init__(self, child: ChildProcess) -> None:
-        super().__init__(name="read openDAQ", daemon=True)
-        self._child = child
-        self._waiting: deque[tuple[bytes, int, int]] = deque()
-        self._bytes = 0
-        self._changed = threading.Condition()
-        self._over = False
-        self._look = EmptyLook()
-        self.start()
-
-    def run(self) -> None:
-        """Take everything until the process ends."""
-        while True:
-            asked_ns = time.monotonic_ns()
-            try:
-                data = self._child.some(_PIECE)
-            except (OSError, ValueError):
-                data = b""
-            now_ns = time.monotonic_ns()
-            self._look.looked(asked_ns, empty=now_ns - asked_ns > _WAITED_NS)
-            with self._changed:
-                self._over = not data
-                self._waiting.append((data, now_ns, self._look.empty_ns))
-                self._bytes += len(data)
-                self._changed.notify()
-                while self._bytes > _MOST_WAITING and not self._over:
-                    self._changed.wait()
-            if not data:
-                return
-
-    def take(self, timeout_s: float) -> tuple[bytes, int, int] | None:
-        """Return the next bytes, when they were read and when none waited before; none of an ended process.
-
-        None if nothing comes in time.
-        """
-        with self._changed:
-            if not self._waiting and not self._over:
-                self._changed.wait(timeout_s)
-            if not self._waiting:
-                return (b"", time.monotonic_ns(), self._look.empty_ns) if self._over else None
-            taken = self._waiting.popleft()
-            self._bytes -= len(taken[0])
-            self._changed.notify()
-            return taken
-
-    def leave(self) -> None:
-        """Go on to the end of what the process prints, whatever waits."""
-        with self._changed:
-            self._waiting.clear()
-            self._bytes = 0
-            self._over = True
-            self._changed.notify()
-
-
-_WAITED_NS = 200_000
-"""Time of a read from which on it waited: nothing was there when it began."""
 
 
 class OpendaqDevice:
@@ -157,7 +93,7 @@ class OpendaqDevice:
             )  # fmt: skip
         self._address, self._wanted_signals = address, tuple(dict.fromkeys(signals))
         self._child: ChildProcess | None = None
-        self._pump: _Pump | None = None
+        self._pump: Pump | None = None
         self._scan = PacketScan()
         self._ahead: deque[Block] = deque()
         self._data: list[bytes] = []
@@ -262,7 +198,7 @@ class OpendaqDevice:
     def _start(self, *, again: bool) -> None:
         arguments = (self._address, str(self._epoch), "again" if again else "once", *self._wanted_signals)
         self._child = ChildProcess("recoil_acquisition.devices.opendaq_process", *arguments)
-        self._pump = _Pump(self._child)
+        self._pump = Pump(self._child)
         self._scan.skip()
         self._state = CONNECTING
         # so much for loading the library and the first try; then it gives signs of life

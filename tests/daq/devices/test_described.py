@@ -8,7 +8,7 @@ from fractions import Fraction
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recoil_acquisition.devices.described import DESCRIBED, DescribedEvents, described_events
+from recoil_acquisition.devices.described import DESCRIBED, DescribedEvents, changes, described_events
 from recoil_acquisition.devices.device import LONGEST_DETAIL, event_of
 from recoil_acquisition.streams.tick_stream import StreamDescription, TickChannel
 from tests.builders.tick_streams import DESCRIPTION
@@ -49,3 +49,14 @@ def test_of_very_many_channels_it_has_parts_and_none_of_them_is_taken_for_the_wh
 def test_what_is_none_is_none(detail: str) -> None:
     assert DescribedEvents().take(detail) is None
     assert DescribedEvents().take(f"1/1 {detail}") is None
+
+
+def test_what_is_described_otherwise_is_said_and_nothing_else() -> None:
+    p, a = both = DESCRIPTION.channels
+    assert changes(DESCRIPTION, replace(DESCRIPTION, start_utc_ns=1, time_by="free")) == ""
+    assert changes(DESCRIPTION, replace(DESCRIPTION, channels=tuple(replace(c, said={"x": "y"}) for c in (p, a)))) == ""
+    other = replace(p, unit="bar", step=2), replace(a, name="b")
+    assert changes(DESCRIPTION, replace(DESCRIPTION, channels=other)) == (
+        "a is gone; b is new; unit of p is bar, was MPa; step of p is 2, was 1"
+    )
+    assert changes(DESCRIPTION, replace(DESCRIPTION, channels=both[::-1])) == "the order of its channels"
