@@ -108,6 +108,14 @@ _OWN = (
         counted="bytes", example='{ oxygen = "192.0.2.10" }', decodes_all=True, tells_signals=True, is_preview=True,
         keeps_talk=True,
     ),
+    LiveKind(
+        "opendaq", ("dewetron",), "stream",
+        device="recoil_acquisition.devices.opendaq_device:opendaq_device",
+        signals="recoil_acquisition.capture.opendaq_ticks:opendaq_signals",
+        capture="recoil_acquisition.capture.opendaq_ticks:open_opendaq",
+        counted="samples", example='{ opendaq = "daq.nd://192.0.2.20" }', decodes_all=True, tells_signals=True,
+        is_preview=True,
+    ),
 )  # fmt: skip
 
 _PARTS = tuple(LiveKind.__dataclass_fields__)
