@@ -250,17 +250,19 @@ def _checks(
     equal = [name for name, one in compared.items() if one.proven_equal]
     gaps = {name: _gaps(one, bases[name][1]) for name, one in compared.items()}
     shared = Counter(gaps.values()).most_common(1)[0][0]
+    where = "in each channel" if len({*gaps.values()}) == 1 else "in most channels"
+    alike = f"; {where} {shared.removeprefix('; ')}" if shared else ""
     own = {name: _values(one, *bases[name][1:]) for name, one in compared.items()}
     own |= {name: own[name] + (mine or "; nothing of it is missing") for name, mine in gaps.items() if mine != shared}
     samples, same = (sum(getattr(one, key) for one in compared.values()) for key in ("compared", "equal"))
     channels = _count(len(compared), "channel")
     if len(equal) == len(found):
         rules = " and ".join(dict.fromkeys(one.rule for one in compared.values()))
-        told = f"the preview is proven equal to {file}: {samples} samples of {channels}, {rules}{shared}"
+        told = f"the preview is proven equal to {file}: {samples} samples of {channels}, {rules}{alike}"
         return [*checks, QualityCheck(source, Check.PREVIEW_COMPARED, "ok", f"{told}; {_laid(compared, timed)}")]
     told = f"of {samples} samples of {channels} compared with the preview {same} are equal"
     proven = f"{len(equal) or 'none'} of {channels} {'is' if len(equal) < 2 else 'are'} proven equal"
-    told += f"; {proven}{shared}; {file} counts; {_laid(compared, timed)}"
+    told += f"; {proven}{alike}; {file} counts; {_laid(compared, timed)}"
     checks.append(QualityCheck(source, Check.PREVIEW_COMPARED, "warn", told))
     for name, text in own.items():
         if text:
@@ -295,7 +297,7 @@ def _gaps(one: SampleComparison, base: TimeBase) -> str:
     if one.missing_in_file:
         parts.append(f"{_count(one.missing_in_file, 'sample')} of the preview missing in the file")
     if one.beyond:
-        parts.append(f"{_count(one.beyond, 'sample')} of it beyond the ends of the file")
+        parts.append(f"{_count(one.beyond, 'sample')} beyond the ends of the file")
     return "".join(f"; {part}" for part in parts)
 
 

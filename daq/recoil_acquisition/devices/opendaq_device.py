@@ -106,7 +106,7 @@ class OpendaqDevice:
         self._state = CONNECTING
         self._alive_s = self._sampled_s = 0.0
         self._said_ns = 0
-        self._received = self._bad = self._gaps = self._reopened = 0
+        self._received = self._bad = self._gaps = self._reopened = self._high_water = 0
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -125,8 +125,12 @@ class OpendaqDevice:
 
     @property
     def counters(self) -> Counters:
-        """Counts of what it received, in samples, and of gaps, in places where ticks are missing."""
-        return Counters(received=self._received, bad=self._bad, counter_gaps=self._gaps, reopened=self._reopened)
+        """Counts of what it received, in samples, of gaps, in places where ticks are missing, and bytes that waited."""
+        waited = self._high_water if self._pump is None else max(self._high_water, self._pump.most_waiting)
+        return Counters(
+            received=self._received, bad=self._bad, counter_gaps=self._gaps, reopened=self._reopened,
+            queue_high_water=waited,
+        )  # fmt: skip
 
     @property
     def bytes_per_s(self) -> float:
@@ -208,6 +212,7 @@ class OpendaqDevice:
         child, self._child = self._child, None
         pump, self._pump = self._pump, None
         if child is not None and pump is not None:
+            self._high_water = max(self._high_water, pump.most_waiting)
             child.kill()
             pump.leave()
             pump.join()

@@ -17,13 +17,19 @@ _WAITED_NS = 200_000
 
 
 class Pump(threading.Thread):
-    """Thread that takes what a process prints, from now on."""
+    """Thread that takes what a process prints, from now on.
+
+    Attributes
+    ----------
+    most_waiting
+        Most bytes that waited to be taken here at once.
+    """
 
     def __init__(self, child: ChildProcess) -> None:
         super().__init__(name="read openDAQ", daemon=True)
         self._child = child
         self._waiting: deque[tuple[bytes, int, int]] = deque()
-        self._bytes = 0
+        self._bytes = self.most_waiting = 0
         self._changed = threading.Condition()
         self._over = False
         self._look = EmptyLook()
@@ -43,6 +49,7 @@ class Pump(threading.Thread):
                 self._over = not data
                 self._waiting.append((data, now_ns, self._look.empty_ns))
                 self._bytes += len(data)
+                self.most_waiting = max(self.most_waiting, self._bytes)
                 self._changed.notify()
                 while self._bytes > _MOST_WAITING and not self._over:
                     self._changed.wait()
