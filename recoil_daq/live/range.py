@@ -171,7 +171,7 @@ class LiveRange:
             self._worker, excluded=lambda _: self._masses.combine() if self._masses is not None else None,
         )  # fmt: skip
         for shot in left:
-            shot.complete_s = time.monotonic()
+            shot.complete_s, shot.previewed = time.monotonic(), previewed
             self._shots.append(shot)
             display.notice(f"shot {shot.name}, recovered, waits for files of {', '.join(shot.missing)} with its number")
         self._keys = RangeKeys(display, self._files, self._work, self._heed, asks_mass=options.asks_mass)

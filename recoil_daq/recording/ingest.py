@@ -32,7 +32,7 @@ from recoil_acquisition.shot.recorded_file import EXCERPTS, INGEST, RecordedFile
 from recoil_acquisition.shot.shot import InputFile, Shot
 from recoil_acquisition.store import write_shot
 from recoil_daq.recording.doubles import made_in, refusal
-from recoil_daq.recording.preview_check import compared_previews, marked_previews
+from recoil_daq.recording.preview_check import compared_previews, marked_previews, replaced_previews
 from recoil_daq.recording.shot_log_rows import ADDED_MASS, add_row, as_planned
 from recoil_daq.recording.supposed_file import serial_source
 from recoil_daq.terminal.result import Printed, Progress
@@ -267,8 +267,9 @@ def ingest_files(
     alignments = align_clocks(FiredShot(assembled, rig))
     progress("check")
     quality = check_shot(
-        FiredShot(assembled, rig), alignments, recordings, day, {name: passed.get(name, "") for name in left}
-    )
+        FiredShot(assembled, rig), alignments, recordings, day, {name: passed.get(name, "") for name in left},
+        replaced_previews(captures, matched),
+    )  # fmt: skip
     parameters |= {ADDED_MASS: rig.added_mass_kg} if rig.added_mass_kg else {}
     compared = compared_previews(rig, captures, readers, matched, opened, recordings)
     quality += (*marked_previews(captures, matched), *(check for one in compared for check in one.checks))

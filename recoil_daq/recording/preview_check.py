@@ -1,4 +1,4 @@
-"""What was read live of an instrument, compared with the file that the instrument wrote itself.
+"""Comparison of what was read live of an instrument with the file that the instrument wrote itself.
 
 What is read live is a preview: it may have lost samples, or be scaled or dated otherwise. The instrument's own file
 takes its place, and says what of the preview was right. The arithmetic is
@@ -7,6 +7,7 @@ takes its place, and says what of the preview was right. The arithmetic is
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,9 +22,8 @@ from recoil_acquisition.quantities.quantity import Unit
 from recoil_acquisition.readers.captured import sources_of
 from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.shot.quality_check import Check, QualityCheck, Verdict
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from recoil_processing.alignment.sample_comparison import (
-    AS_OTHERS,
     EXPECTED,
     SampleComparison,
     Sampled,
@@ -37,10 +37,9 @@ from recoil_rigs.shots.assemble import find_signal, si_line, unit_of
 COMPARED = "compare with the preview"
 """Operation in a shot's history, whose parameters are the figures of the comparison."""
 MOST_COMPARED = 1 << 24
-"""Samples of a channel that are compared as a whole; of more the part about the shot is."""
+"""Samples of a file that are compared as a whole; of more the part about the shot is, where it was cut out."""
 OTHER_RATE = 1e-3
 """Share by which the rates of preview and file may differ: they are one instrument's."""
-_LAID = {EXPECTED: "by their times", AS_OTHERS: "where the other channels lie"}
 
 
 @dataclass(frozen=True)
@@ -79,12 +78,18 @@ def marked_previews(captures: Mapping[Path, Capture], matched: Mapping[str, Path
     matched
         File of each source of the shot.
     """
-    text = "read live: a preview, until the instrument's own file takes its place; drop it into the watched folder, or "
-    text += "ingest the shot again with it, with --replaces"
+    text = "what was read live is a preview: the instrument's own file takes its place; drop that into the watched "
+    text += "folder, or ingest capture and file again with --overwrite"
     live = [
         source for path, capture in captures.items() for source in _previewed(capture) if matched.get(source) == path
     ]
     return tuple(QualityCheck(source, Check.PREVIEW, "warn", text) for source in live)
+
+
+def replaced_previews(captures: Mapping[Path, Capture], matched: Mapping[str, Path]) -> frozenset[str]:
+    """Return the sources whose instruments' own files took the place of what was read live."""
+    sources = [(path, source) for path, capture in captures.items() for source in _previewed(capture)]
+    return frozenset(source for path, source in sources if matched.get(source, path) != path)
 
 
 def _previewed(capture: Capture) -> list[str]:
@@ -121,14 +126,14 @@ def compared_previews(
             if own == path or source not in opened:
                 continue
             whole = opened[source]
-            if max((header.sample_count for header in whole.signals), default=0) > MOST_COMPARED:
+            if sum(header.sample_count for header in whole.signals) > MOST_COMPARED:
                 whole = cut.get(source, whole)
             printed = str(getattr(readers[own], "path", "")).startswith("text.")
             try:
                 preview = readers[path].open(path, rig.declarations(rig.source(source)))
                 found.append(compared_preview(rig, source, preview, whole, printed=printed))
             except RecoilDaqError as error:
-                told = QualityCheck(source, Check.PREVIEW, "warn", f"not compared with the preview: {error}")
+                told = _not_compared(source, str(error))
                 found.append(ComparedPreview(source, path.name, own.name, {}, (told,)))
     return tuple(found)
 
@@ -152,16 +157,18 @@ def compared_preview(
         try:
             pair, base = _pair(rig, spec, preview, file)
         except (RecoilDaqError, ValueError) as error:
-            checks.append(QualityCheck(spec.name, Check.PREVIEW, "warn", f"not compared with the preview: {error}"))
+            checks.append(_not_compared(spec.name, str(error)))
             continue
         pairs[spec.name], bases[spec.name] = pair, base
         digits[spec.name] = printed_step(pair[1].samples) if printed and not pair[1].count_size else 0.0
     ought, within = _ought(next(iter(bases.values()), None))
     found = compare_records(pairs, expected=ought, within=within, printed=digits)
-    for name, one in found.items():
-        verdict, told = _told(one, *bases[name][1:], names[1])
-        checks.append(QualityCheck(name, Check.PREVIEW, verdict, told))
+    checks += _checks(source, found, bases, names[1], timed=ought is not None)
     return ComparedPreview(source, *names, found, tuple(checks))
+
+
+def _not_compared(about: str, why: str) -> QualityCheck:
+    return QualityCheck(about, Check.PREVIEW_COMPARED, "warn", f"not compared with the preview: {why}")
 
 
 def _pair(
@@ -208,7 +215,8 @@ def _to_the_file(spec: ChannelSpec, units: list[Unit | None]) -> tuple[float, fl
 def _ought(bases: tuple[TimeBase, TimeBase, str] | None) -> tuple[int | None, int]:
     """Return at which sample of the file the preview should begin, and by how many that may be off.
 
-    Both count from the instrument's start, if they state the same one within their digits; else by what they state.
+    Both count from the instrument's start, or from whole seconds after it, if what they state is apart by whole seconds
+    within their digits: a file may state it to the millisecond. Else they lie where they state it.
     """
     if bases is None:
         return None, 0
@@ -219,49 +227,93 @@ def _ought(bases: tuple[TimeBase, TimeBase, str] | None) -> tuple[int | None, in
     if zones[0] != zones[1]:
         return None, 0
     apart_ns, digits_ns = starts[0][0] - starts[1][0], max(starts[0][1], starts[1][1])
-    same = abs(apart_ns) < digits_ns
+    seconds = round(apart_ns / 1e9)
+    same = abs(apart_ns - seconds * 10**9) < digits_ns
     rate_hz = bases[1].rate_hz
-    later_s = (0.0 if same else apart_ns / 1e9) + bases[0].start_s - bases[1].start_s
+    later_s = (float(seconds) if same else apart_ns / 1e9) + bases[0].start_s - bases[1].start_s
     return round(later_s * rate_hz), 0 if same else int(0.5e-9 * digits_ns * rate_hz)
 
 
-def _told(one: SampleComparison, base: TimeBase, unit: str, file: str) -> tuple[Verdict, str]:
-    """Say in one line what a comparison found."""
-    if not one.compared:
-        return "warn", f"not compared with the preview: nothing of it can be laid on {file}"
-    laid = _LAID.get(one.aligned_by, "by their correlation")
-    if one.proven_equal:
-        return "ok", f"the preview is proven equal: {one.compared} samples, {_rule(one, unit)}, laid on {file} {laid}"
+def _checks(
+    source: str,
+    found: Mapping[str, SampleComparison],
+    bases: Mapping[str, tuple[TimeBase, TimeBase, str]],
+    file: str,
+    *,
+    timed: bool,
+) -> list[QualityCheck]:
+    """Say of a source what all its channels share, and of each channel what is its own."""
+    compared = {name: one for name, one in found.items() if one.compared}
+    checks = [_not_compared(name, f"nothing of it can be laid on {file}") for name in found if name not in compared]
+    if not compared:
+        return checks
+    equal = [name for name, one in compared.items() if one.proven_equal]
+    gaps = {name: _gaps(one, bases[name][1]) for name, one in compared.items()}
+    shared = Counter(gaps.values()).most_common(1)[0][0]
+    own = {name: _values(one, *bases[name][1:]) for name, one in compared.items()}
+    own |= {name: own[name] + (mine or "; nothing of it is missing") for name, mine in gaps.items() if mine != shared}
+    samples, same = (sum(getattr(one, key) for one in compared.values()) for key in ("compared", "equal"))
+    channels = _count(len(compared), "channel")
+    if len(equal) == len(found):
+        rules = " and ".join(dict.fromkeys(one.rule for one in compared.values()))
+        told = f"the preview is proven equal to {file}: {samples} samples of {channels}, {rules}{shared}"
+        return [*checks, QualityCheck(source, Check.PREVIEW_COMPARED, "ok", f"{told}; {_laid(compared, timed)}")]
+    told = f"of {samples} samples of {channels} compared with the preview {same} are equal"
+    proven = f"{len(equal) or 'none'} of {channels} {'is' if len(equal) < 2 else 'are'} proven equal"
+    told += f"; {proven}{shared}; {file} counts; {_laid(compared, timed)}"
+    checks.append(QualityCheck(source, Check.PREVIEW_COMPARED, "warn", told))
+    for name, text in own.items():
+        if text:
+            one = compared[name]
+            counts = f"of {one.compared} samples compared with the preview {one.different} are different"
+            checks.append(QualityCheck(name, Check.PREVIEW_COMPARED, "warn", counts + text))
+    return checks
+
+
+def _laid(compared: Mapping[str, SampleComparison], timed: bool) -> str:
+    """Say by what the samples were laid on one another."""
+    if any(one.aligned_by == EXPECTED for one in compared.values()):
+        return "laid on one another by the time of both"
+    if timed:
+        return "laid on one another by what they show, where the time of both does not put them"
+    return "laid on one another by what they show: the times of both do not tell where"
+
+
+def _gaps(one: SampleComparison, base: TimeBase) -> str:
+    """Say where samples are missing, or lie elsewhere; empty if all are there."""
     parts = []
-    if one.scale != 1.0:
-        parts.append(f"it is {one.scale:.6g} times the file")
-    if one.offset:
-        parts.append(f"it is {one.offset:+.4g} {unit} off the file")
     if one.shift:
         way = "late" if one.shift < 0 else "early"
         samples = _count(abs(one.shift), "sample")
-        parts.append(f"it is shifted by {samples}, {1e6 * abs(one.shift) / base.rate_hz:.4g} us {way}")
+        parts.append(f"the preview is shifted by {samples}, {1e6 * abs(one.shift) / base.rate_hz:.4g} us {way}")
     if one.slip_at is not None:
-        parts.append(f"{_count(abs(one.slip), 'sample')} {'fell out' if one.slip > 0 else 'came twice'} without a gap "
-                     f"in its time {_place(one.slip_at, base)}")  # fmt: skip
+        fell = "fell out" if one.slip > 0 else "came twice"
+        parts.append(f"{_count(abs(one.slip), 'sample')} {fell} without a gap in its time {_place(one.slip_at, base)}")
     if one.missing_in_preview and one.first_missing is not None:
-        parts.append(
-            f"{_count(one.missing_in_preview, 'sample')} missing in it, from {_place(one.first_missing, base)}"
-        )
+        missing = _count(one.missing_in_preview, "sample")
+        parts.append(f"{missing} missing in the preview, the first one {_place(one.first_missing, base)}")
     if one.missing_in_file:
-        parts.append(f"{_count(one.missing_in_file, 'sample')} of it missing in the file")
-    if one.first_difference is not None and one.values is not None:
-        live, stored = one.values
-        parts.append(
-            f"the first difference is {_place(one.first_difference, base)}: {live:.9g} {unit}, {stored:.9g} {unit} in "
-            f"the file; the largest is {one.largest:.4g} {unit}"
-        )
-    counts = f"of {one.compared} samples compared with the preview {one.equal} are equal ({_rule(one, unit)})"
-    return "warn", f"{counts}, {one.different} different; {'; '.join(parts)}; {file} counts"
+        parts.append(f"{_count(one.missing_in_file, 'sample')} of the preview missing in the file")
+    if one.beyond:
+        parts.append(f"{_count(one.beyond, 'sample')} of it beyond the ends of the file")
+    return "".join(f"; {part}" for part in parts)
 
 
-def _rule(one: SampleComparison, unit: str) -> str:
-    return f"{one.rule} within {one.tolerance:.3g} {unit}".rstrip() if one.tolerance else one.rule
+def _values(one: SampleComparison, base: TimeBase, unit: str) -> str:
+    """Say by what the values differ; empty if they do not, or only since samples lie elsewhere."""
+    if one.first_difference is None or one.values is None or one.slip_at is not None:
+        return ""
+    parts = []
+    if one.scale != 1.0:
+        parts.append(f"the preview is {one.scale:.6g} times the file")
+    if one.offset:
+        parts.append(f"the preview is {one.offset:+.4g} {unit} off the file")
+    live, stored = one.values
+    parts.append(
+        f"the first difference is {_place(one.first_difference, base)}: {live:.9g} {unit}, {stored:.9g} {unit} in "
+        f"the file; the largest is {one.largest:.4g} {unit}, beyond {one.rule}"
+    )
+    return "".join(f"; {part}" for part in parts)
 
 
 def _place(number: int, base: TimeBase) -> str:

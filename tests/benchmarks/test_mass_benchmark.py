@@ -23,7 +23,8 @@ from recoil_acquisition.log.record import OWN, Kind
 from recoil_daq.live.acquisition import run_live
 from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState
 from recoil_daq.live.shots.conversion import Conversion
-from recoil_daq.live.shots.mass_work import LARGE_DIFFERENCE, MassWork
+from recoil_daq.live.shots.mass_work import MassWork
+from recoil_daq.live.shots.preview import LARGE_DIFFERENCE
 from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.reports.identify import identify_file
 from recoil_daq.reports.stored_shot import read_stored

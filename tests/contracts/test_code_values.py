@@ -43,14 +43,14 @@ VALUES: dict[type[StrEnum], str] = {
         "doubtful start"
     ),
     Check: (
-        "file, file names, reader, missing frames, stream, late stamps, preview, delivery, connection, kernel drops, "
-        "damaged entries, error frames, unanswered, pre-time, trigger, journal, clock fit, clock steps, clock stamps, "
-        "alignment, losses, constant, code, overflow, range, flat tops, held values, time steps, "
-        "gap of the reference, baseline, steady "
-        "baseline, level after, filtered noise, hum, out of band, aliasing, spectral gap, shock response, polarity, "
-        "calibration, sensor, set aside, frame rate, lost frames, pictures, distance, repeated frames, held ends, "
-        "marker noise, jumps, battery, peak locking, residual, onset, second sensor, velocity, carriage, "
-        "force, force sign, impulse, braking, zero shift, skew, rest to rest, other"
+        "file, file names, reader, missing frames, stream, late stamps, preview, preview compared, delivery, "
+        "connection, kernel drops, damaged entries, error frames, unanswered, pre-time, trigger, journal, clock fit, "
+        "clock steps, clock stamps, alignment, losses, constant, code, overflow, range, flat tops, held values, time "
+        "steps, gap of the reference, baseline, steady baseline, level after, filtered noise, hum, out of band, "
+        "aliasing, spectral gap, shock response, polarity, calibration, sensor, set aside, frame rate, lost frames, "
+        "pictures, distance, repeated frames, held ends, marker noise, jumps, battery, peak locking, residual, onset, "
+        "second sensor, velocity, carriage, force, force sign, impulse, braking, zero shift, skew, rest to rest, "
+        "other"
     ),
     RepairKind: (
         "drop-outs masked, clipped repaired, clipped masked, lost samples bridged, hum subtracted, droop corrected"

@@ -44,8 +44,9 @@ _EXPLAINED = 0.5
 """Share of the differences that a scale must take away."""
 _FIT = 0.9
 """Share of a part's samples that must be equal where it lies elsewhere."""
-_FINEST, _COARSEST = 9, -3
-"""Decimals to which numbers may be printed."""
+_LARGEST = float(np.finfo(np.float64).max)
+_FINEST, _COARSEST, _FEW = 9, -3, 256
+"""Decimals to which numbers may be printed, and how many numbers are looked at first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,7 @@ class Sampled(ReadOnlyArrays):
         if not self.samples.size:
             return np.empty(0)
         found = np.full(int(self.numbers[-1] - self.numbers[0]) + 1, np.nan)
-        found[self.numbers - self.numbers[0]] = self.samples
+        found[self.numbers - self.numbers[0]] = np.where(np.isfinite(self.samples), self.samples, np.nan)
         return found
 
 
@@ -89,8 +90,9 @@ class SampleComparison:
     tolerance
         Difference that counts as none, in the unit of the file; 0 bit by bit.
     missing_in_preview, missing_in_file
-        Numbers of samples within the preview that it lacks and the file has, and of those of the preview that the file
-        lacks.
+        Numbers of samples within both that the preview lacks and the file has, and the other way round.
+    beyond
+        Number of samples of the preview before the file's first one, or behind its last.
     lag
         Number of the file's sample that is the preview's sample 0; None where nothing tells it.
     aligned_by
@@ -116,6 +118,7 @@ class SampleComparison:
     tolerance: float = 0.0
     missing_in_preview: int = 0
     missing_in_file: int = 0
+    beyond: int = 0
     lag: int | None = None
     aligned_by: str = CORRELATED
     shift: int | None = None
@@ -135,7 +138,7 @@ class SampleComparison:
 
     @property
     def proven_equal(self) -> bool:
-        """Whether every sample of the preview is the file's, at its place, and none within it is missing."""
+        """Whether every sample of the preview is the file's, at its place, and none is missing where both overlap."""
         missing = self.missing_in_preview or self.missing_in_file
         return bool(self.compared) and not (self.different or missing or self.shift)
 
@@ -158,7 +161,7 @@ def beat_numbers(times_s: Array, step_s: float) -> NDArray[np.int64] | None:
     """
     if not times_s.size:
         return np.empty(0, dtype=np.int64)
-    numbers = np.rint((times_s - times_s[0]) / step_s).astype(np.int64)
+    numbers: NDArray[np.int64] = np.rint((times_s - times_s[0]) / step_s).astype(np.int64)
     if np.any(np.diff(numbers) < 1) or numbers[-1] >= MOST_SPARSE * max(times_s.size, 1 << 16):
         return None
     return numbers
@@ -176,7 +179,8 @@ def printed_step(values: Array) -> float:
     if not there.size:
         return 0.0
     for decimals in range(_COARSEST, _FINEST + 1):
-        if np.array_equal(np.round(there, decimals), there):
+        # a few tell that most steps are not it
+        if all(np.array_equal(np.round(some, decimals), some) for some in (there[:_FEW], there)):
             return float(10.0**-decimals)
     return 0.0
 
@@ -205,7 +209,9 @@ def compare_records(
     found: dict[str, SampleComparison] = {}
     guess = expected
     for name, (preview, file) in channels.items():
-        found[name] = _compared(preview, file, guess, (printed or {}).get(name, 0.0))
+        # numbers of any size stand in a damaged file: what overflows is equal to nothing, and on no line
+        with np.errstate(all="ignore"):
+            found[name] = _compared(preview, file, guess, (printed or {}).get(name, 0.0))
         if guess is None and found[name].lag is not None and found[name].equal:
             guess = found[name].lag
     lags: Counter[int] = Counter()
@@ -231,16 +237,18 @@ def _placed(one: SampleComparison, ought: int | None, by: str, within: int) -> S
 def _compared(preview: Sampled, file: Sampled, guess: int | None, printed: float) -> SampleComparison:
     ours, whole = preview.dense, file.dense
     size = file.count_size or preview.count_size
-    if guess is not None:
-        at_guess = _Match.at(ours, whole, guess, size, printed)
-        # what stands still is where the others are; what is equal in a long run is no chance
-        if at_guess.whole or at_guess.run >= _NO_CHANCE or not _steps(ours).any():
-            return _told(ours, whole, guess, size, printed, AS_OTHERS)
+    at_guess = None if guess is None else _Match.at(ours, whole, guess, size, printed)
+    # what stands still is where the others are
+    if at_guess is not None and (at_guess.whole or not _steps(ours).any()):
+        return _told(ours, whole, at_guess.lag, size, printed, AS_OTHERS)
     lags = _likely_lags(ours, whole)
     if not lags:
-        return SampleComparison(missing_in_file=int(np.isfinite(ours).sum()))
-    # where nothing is equal anywhere, as behind another scale, the correlation alone tells
+        return SampleComparison(beyond=int(np.isfinite(ours).sum()))
     best = max((_Match.at(ours, whole, lag, size, printed) for lag in lags), key=lambda one: one.share)
+    # equal in a long run, and nowhere else as a whole: something fell out there, or is wrong
+    if at_guess is not None and at_guess.run >= _NO_CHANCE and not best.whole:
+        return _told(ours, whole, at_guess.lag, size, printed, AS_OTHERS)
+    # where nothing is equal anywhere, as behind another scale, the correlation alone tells
     return _told(ours, whole, best.lag if best.share > 0 else lags[0], size, printed, CORRELATED)
 
 
@@ -295,9 +303,9 @@ def _told(ours: Array, whole: Array, lag: int, size: float, printed: float, by: 
     found = SampleComparison(
         compared=int(both.sum()), equal=int(same.sum()), rule=rule, tolerance=tolerance,
         missing_in_preview=int(missing.size),
-        missing_in_file=int(np.isfinite(ours).sum()) - int(both.sum()),
+        missing_in_file=int((np.isfinite(a) & ~both).sum()), beyond=int(np.isfinite(ours).sum() - np.isfinite(a).sum()),
         lag=lag, aligned_by=by,
-        largest=float(np.abs(a[apart] - b[apart]).max(initial=0.0)),
+        largest=min(float(np.abs(a[apart] - b[apart]).max(initial=0.0)), _LARGEST),
         first_difference=int(apart[0]) + first if apart.size else None,
         values=(float(a[apart[0]]), float(b[apart[0]])) if apart.size else None,
         first_missing=int(missing[0]) + first if missing.size else None,
@@ -347,7 +355,7 @@ def _rule(a: Array, b: Array, size: float, printed: float) -> tuple[str, float, 
     if size:
         return COUNTS, 0.0, loose
     bits = np.asarray(a == b)
-    if bits.sum() == loose.sum():
+    if bits.sum() == loose.sum() > 0:
         return BITS, 0.0, bits
     largest = np.maximum(np.abs(a), np.abs(b))
     single = bits | (np.abs(a - b) <= SINGLE_REL * largest)
@@ -392,9 +400,11 @@ def _line(a: Array, b: Array, apart: Flags) -> tuple[float, float]:
     scale, offset, u_scale, u_offset = 1.0, 0.0, math.inf, math.inf
     for _ in range(3):
         x, y = b[good], a[good]
+        if x.size < _LEAST_RUN or not np.ptp(x):
+            return 1.0, 0.0
         since = x - x.mean()
         spread = float(since @ since)
-        if x.size < _LEAST_RUN or not spread:
+        if not spread:
             return 1.0, 0.0
         scale = float(since @ y) / spread
         offset = float(y.mean() - scale * x.mean())
@@ -403,6 +413,8 @@ def _line(a: Array, b: Array, apart: Flags) -> tuple[float, float]:
         u_scale = sigma / math.sqrt(spread)
         u_offset = math.hypot(sigma / math.sqrt(x.size), u_scale * float(x.mean()))
         good = np.asarray(np.abs(left) <= max(4.0 * sigma, 1e-12 * float(np.abs(a).max())))
+    if not math.isfinite(scale) or not math.isfinite(offset):
+        return 1.0, 0.0
     off_scale = abs(scale - 1.0) > max(_SURE_SCALE * u_scale, _LEAST_SCALE)
     reach = float(np.abs(b).max())
     off_zero = abs(offset) > max(_SURE_SCALE * u_offset, _LEAST_SCALE * reach)

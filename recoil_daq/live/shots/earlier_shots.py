@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from recoil_daq.live.shot import LiveShot, ShotState
+from recoil_daq.live.shots.preview import preview_of, previewed_sources
 from recoil_daq.terminal.verdict_line import VerdictLine
 from recoil_daq.warm_worker import WarmWork
 
@@ -38,9 +40,15 @@ class EarlierShots:
         self.shots = tuple(
             LiveShot(
                 one["shot"], state=ShotState(VerdictLine.of(one["document"]).state.value), document=one["document"],
-                mass=None if one["mass"] is None else {**one["mass"], "provisional": []}, excluded=one["excluded"],
+                mass=None if one["mass"] is None else {**one["mass"], "provisional": _provisional(one["document"])},
+                excluded=one["excluded"],
                 seen=True,
             )
             for one in found if one["shot"] not in names
         )  # fmt: skip
         return self.shots
+
+
+def _provisional(document: Mapping[str, Any]) -> list[str]:
+    """Say why the mass of a shot file is not the last word on its shot."""
+    return list(preview_of(previewed_sources(document)))

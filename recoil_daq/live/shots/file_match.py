@@ -163,6 +163,8 @@ def doubt_of_files(shot: LiveShot, shots: Sequence[LiveShot]) -> str:
     own_s = _lengths_s(shot)
     for other in shots:
         for source, length_s in _lengths_s(other).items() if other is not shot else ():
+            if source in other.previews:
+                continue  # what is read live is as long as the shot, whatever its instrument records
             if source in shot.by_time and abs(own_s.get(source, length_s) - length_s) > _ANOTHER_LENGTH * length_s:
                 return (
                     f"{shot.files[source].name} was matched by time alone, and is {own_s[source]:.3f} s long, "

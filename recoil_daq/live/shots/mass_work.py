@@ -14,6 +14,7 @@ from typing import Any
 from recoil_acquisition.errors import RecoilDaqError, WorkerError, quoted
 from recoil_daq.live.display import Display
 from recoil_daq.live.shot import LiveShot, ShotState
+from recoil_daq.live.shots.preview import LARGE_DIFFERENCE, mass_by_file, preview_of
 from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_processing.shot.thinned import THINNED_ABOVE_HZ
 from recoil_rigs.tables.specification import mass_decimals
@@ -21,8 +22,6 @@ from recoil_rigs.tables.specification import mass_decimals
 MASS, WHOLE, CAMPAIGN = 1, 2, 3
 """Ranks of the work on a mass: a conversion, whose rank is lower, goes first, and the mass of the next shot goes before
 the full rate of this one and what the shots say together."""
-LARGE_DIFFERENCE = 0.05
-"""Difference of the masses by thinned channels and by the full rate, in standard uncertainties, that is said."""
 MOST_ATTEMPTS = 5
 """Times that a mass is asked for whose worker ended at it twice each time."""
 _MASS = "recoil_daq.reports.shot_mass:shot_mass"
@@ -60,6 +59,7 @@ class MassWork:
         self._worker, self._out, self._display = worker, out, display
         self._asked: dict[str, _Asked] = {}
         self._identified: dict[str, LiveShot] = {}
+        self._by_preview: dict[str, Mapping[str, Any]] = {}
         self._combining: WarmWork | None = None
         self.campaign: Mapping[str, Any] | None = None
 
@@ -77,6 +77,8 @@ class MassWork:
         """Identify a shot that has its shot file; the mass of one that was made of less counts no longer."""
         if shot.document is None:
             return
+        if shot.mass is not None and shot.previewed - shot.previews:
+            self._by_preview.setdefault(shot.name, shot.mass)
         self.forget(shot)
         rates_hz = [one.get("rate_hz") or 0.0 for one in shot.document.get("channels", ())]
         self._ask(shot, thin=max(rates_hz, default=0.0) > THINNED_ABOVE_HZ)
@@ -141,6 +143,10 @@ class MassWork:
             self._display.notice(mass_line(shot.name, shot.mass))
         else:
             self._display.notice(whole_line(shot.name, before, shot.mass))
+        by_preview = self._by_preview.get(shot.name)
+        if by_preview is not None and (mass["thinned_hz"] is None or by_preview["thinned_hz"] is not None):
+            del self._by_preview[shot.name]
+            self._display.notice(f"shot {shot.name}: {mass_by_file(by_preview, shot.mass)}")
         if mass["thinned_hz"] is not None:
             self._ask(shot, thin=False, after=True)
             return
@@ -191,7 +197,7 @@ def provisional(mass: Mapping[str, Any], preview: Collection[str] = ()) -> tuple
         Sources whose own files are to come.
     """
     found = [] if mass["thinned_hz"] is None else [f"thinned to {mass['thinned_hz'] / 1e3:g} kHz"]
-    return (*found, *([f"preview of {', '.join(sorted(preview))}"] if preview else []))
+    return (*found, *preview_of(preview))
 
 
 def mass_line(shot: str, mass: Mapping[str, Any]) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.capture.live_session import CapturedShot, LiveSession
@@ -20,7 +21,7 @@ from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState, capture_path
 from recoil_daq.live.shots.conversion import Conversion, rig_changed
 from recoil_daq.live.shots.dropped_files import DroppedFiles
 from recoil_daq.live.shots.file_match import doubt_of_files
-from recoil_daq.live.shots.preview import differences
+from recoil_daq.live.shots.preview import compared_lines
 from recoil_daq.terminal.verdict_line import VerdictLine
 from recoil_daq.warm_worker import WarmWorker
 from recoil_rigs.rig import Rig
@@ -274,7 +275,7 @@ class ShotWork:
                 shot.redo = ""
                 self._give_up(shot)
                 continue
-            files = list(dict.fromkeys(shot.files.values()))
+            files = list(dict.fromkeys([*shot.files.values(), *self._behind(shot)]))
             replaces = "" if shot.document is None else shot.redo
             shot.state, shot.redo, shot.problem = ShotState.CONVERTING, "", ""
             out, worker = self._options.out, self._worker
@@ -284,6 +285,12 @@ class ShotWork:
             conversion = Conversion(self._rig, files, shot.name, out, replaces=replaces, without=without, worker=worker)
             self._conversion = shot, conversion
             return
+
+    @staticmethod
+    def _behind(shot: LiveShot) -> list[Path]:
+        """Return the capture of a shot whose preview was replaced: the file is compared with it."""
+        replaced = shot.previewed - shot.previews
+        return [shot.captured] if replaced and shot.captured is not None and shot.captured.is_file() else []
 
     def _look_at_rig(self) -> None:
         """Say once that the rig file was changed: a shot is converted with the rig that it was acquired with."""
@@ -308,7 +315,7 @@ class ShotWork:
         if code not in (0, 1) or "file" not in document:
             self._not_converted(shot, code, document)
             return
-        before, shot.document = shot.document, document
+        shot.document = document
         shot.state, shot.judged_s = ShotState(VerdictLine.of(document).state.value), time.monotonic()
         shot.seen = False
         if shot.growing or shot.redo:
@@ -317,12 +324,8 @@ class ShotWork:
         elif doubtful := doubt_of_files(shot, self._shots):
             shot.problem = f"perhaps the file of another shot: {doubtful}"
             self._display.notice(f"shot {shot.name}: {shot.problem}")
-        for text in (
-            ()
-            if before is None or not shot.previewed - shot.previews
-            else differences(before, document, self._rig.read_in)
-        ):
-            self._display.notice(f"shot {shot.name}: the file says otherwise than the preview: {text}")
+        for text in compared_lines(document) if shot.previewed - shot.previews else ():
+            self._display.notice(f"shot {shot.name}: {text}")
         if shot.window is not None:
             session.release(shot.window)
         self._display.verdict(document)

@@ -71,6 +71,24 @@ def test_a_preview_that_is_shifted_is_told_by_how_many_samples(by: int) -> None:
     assert not found.proven_equal
 
 
+def test_what_stands_still_beside_the_shot_hides_no_shift() -> None:
+    still = np.round(FILE)  # whole numbers, at rest nearly all the same
+    assert np.mean(still[FIRST : FIRST + 600] == 0.0) > 0.99
+    for by in (0, 1, -3):
+        found = one(sampled(still[FIRST + by :][:2500]), sampled(still))
+        assert (found.shift, found.different) == (by, 0)
+    wrong = still[FIRST + 1 :][:2500].copy()
+    wrong[1100] += 7.0
+    found = one(sampled(wrong), sampled(still))
+    assert (found.shift, found.different, found.first_difference) == (1, 1, FIRST + 1101)
+
+
+def test_a_larger_shot_in_the_same_file_is_not_taken_for_it() -> None:
+    louder = np.concatenate([FILE, 40.0 * FILE[::-1] + 20.0 * RNG.normal(size=N)])
+    found = one(sampled(1.01 * PART), sampled(louder), expected=None)
+    assert (found.lag, found.scale) == (FIRST, pytest.approx(1.01))
+
+
 def test_what_the_time_leaves_open_is_no_shift() -> None:
     assert one(sampled(FILE[FIRST + 3 :][:2500]), within=3).proven_equal
     assert one(sampled(FILE[FIRST + 4 :][:2500]), within=3).shift == 4
@@ -112,7 +130,7 @@ def test_a_hole_that_the_numbers_hide_is_a_slip_from_some_sample_on() -> None:
 
 def test_what_the_file_lacks_is_counted_too() -> None:
     found = one(sampled(FILE[3000:]), sampled(FILE[:3500]), expected=3000)
-    assert (found.compared, found.missing_in_file) == (500, 500)
+    assert (found.compared, found.missing_in_file, found.beyond, found.proven_equal) == (500, 0, 500, True)
     gap = FILE.copy()
     gap[900:905] = np.nan
     assert one(sampled(PART), sampled(gap)).missing_in_file == 5
@@ -177,6 +195,22 @@ def test_instants_on_a_beat_have_numbers_and_others_have_none() -> None:
     assert beat_numbers(times, 2e-5).tolist() == [0, 1, 2, 5, 6]
     assert beat_numbers(np.array([0.0, 1e-5, 1.2e-5]), 1e-5) is None
     assert beat_numbers(np.array([0.0, 1e9]), 1e-5) is None
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.floats(width=64), max_size=60),
+    st.lists(st.floats(width=64), max_size=60),
+    st.sampled_from([0.0, 1e-3, 5e-324, 1e300]),
+    st.none() | st.integers(-70, 70),
+)
+def test_no_numbers_end_a_comparison(
+    preview: list[float], file: list[float], size: float, expected: int | None
+) -> None:
+    whole = Sampled(np.array(file), np.arange(len(file)), size)
+    found = one(sampled(np.array(preview)), whole, expected, printed=1e-3)
+    assert json.loads(json.dumps(found.to_json(), allow_nan=False)) == found.to_json()
+    assert found.compared <= min(len(preview), len(file))
 
 
 @settings(max_examples=30, deadline=None)

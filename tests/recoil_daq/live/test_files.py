@@ -63,26 +63,21 @@ def previewed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_kind, "_OWN", kinds)
 
 
-def answer(name: str, high: float) -> dict[str, Any]:
-    channels = [
-        {"name": "p", "unit": "Pa", "low": 0.0, "high": high, "clock": "imu", "samples": 1000, "rate_hz": 1000.0}
-    ]
-    return {"shot": name, "channels": channels}
+def answer(name: str, **preview: str) -> dict[str, Any]:
+    found = {"check": "preview compared", "verdict": "warn"}
+    return {"shot": name, "quality": [{"channel": name, "detail": told, **found} for name, told in preview.items()]}
 
 
 @pytest.mark.usefixtures("previewed")
-@pytest.mark.parametrize(("high", "told"), [(7.41e6, []), (14.8e6, ["p is 0 Pa .. 14.8 MPa, not 0 Pa .. 7.40 MPa"])])
-def test_an_instruments_own_file_replaces_its_preview_after_the_verdict_too(
-    tmp_path: Path, range_of: RangeOf, high: float, told: list[str]
-) -> None:
+def test_an_instruments_own_file_replaces_its_preview_after_the_verdict_too(tmp_path: Path, range_of: RangeOf) -> None:
     display = Told()
     one = range_of(display)
     display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
-    PlayedConversion.answer = answer("0001", 7.40e6)
+    PlayedConversion.answer = answer("0001")
 
     def arrives() -> None:
         assert one.live._shots[0].previews == {"imu"}
-        PlayedConversion.answer = answer("0001", high)
+        PlayedConversion.answer = answer("0001", p="it is 1.01 times the file")
         drop(tmp_path / "in", "0001_imu.bin")()
 
     display.then["verdict"] = arrives
@@ -92,9 +87,9 @@ def test_an_instruments_own_file_replaces_its_preview_after_the_verdict_too(
     assert [s.state for s in outcome.shots] == ["usable"]
     (_, first, _), (_, second, why) = PlayedConversion.started
     assert first == sorted(["0001.rdlog", *FILES])
-    assert second == sorted(["0001_imu.bin", *FILES])
+    assert second == sorted(["0001.rdlog", "0001_imu.bin", *FILES])
     assert why == "0001_imu.bin replaces the preview"
-    assert [text.partition("preview: ")[2] for text in display.told("otherwise than the preview")] == told
+    assert display.told("shot 0001: p: it is 1.01 times the file")
     assert display.told("files of imu replace what was read live when they come into")
 
 

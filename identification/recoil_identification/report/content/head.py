@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from recoil_acquisition.measured import worded
+from recoil_acquisition.shot.quality_check import Check
 from recoil_identification.estimate.rounding import NO_NUMBER, fixed, plain, signed
 from recoil_identification.report.content import campaign_tables, certificate_tables, sentences, tables
 from recoil_identification.report.content.chosen_units import ChosenUnits
@@ -193,7 +194,7 @@ def _of_shot(report: Document) -> Head:
         ("RPE, 95 % coverage interval", verdict["rpe_interval"]),
     ]
     notes = [*(report.get("notes") or ()), *([verdict["rpe_meaning"]] if verdict["rpe_meaning"] else ())]
-    assumed, dated = sentences.assumed(report), _dated(report)
+    assumed, dated = sentences.assumed(report), (*_previewed(report), *_dated(report))
     against = list(report.get("reasons") or ()) or ([] if valid else ["No reason was given."])
     return Head(
         of=f"Shot {report['shot']}",
@@ -213,6 +214,13 @@ def _of_shot(report: Document) -> Head:
         ),
         lists=(Listed("Notes", (*notes, *([worded("Assumed: ", assumed, ".")] if assumed else ()))),),
     )
+
+
+def _previewed(report: Document) -> tuple[str, ...]:
+    """Say that a result is by what was read live of an instrument whose own file is to come."""
+    live = [str(one["about"]) for one in report.get("findings") or () if one["code"] == Check.PREVIEW.value]
+    told = f"By a preview: what was read live of {', '.join(live)}. The instrument's own file takes its place."
+    return (told,) if live else ()
 
 
 def _of_certificate(document: Document) -> Head:

@@ -121,6 +121,8 @@ def report_document(
     chosen = found.chosen
     estimate = chosen.estimate
     warnings = [check.remark() for check in shot.quality if check.verdict == "warn"]
+    previews = [check for check in shot.quality if check.check in (Check.PREVIEW, Check.PREVIEW_COMPARED)]
+    proven = [check.remark() for check in previews if check.verdict == "ok"]
     document = {
         "schema": SCHEMA,
         "shot": shot.name,
@@ -201,8 +203,8 @@ def report_document(
         "constants": [] if rig is None else constants_of(rig),
         "valid": found.valid,
         "reasons": list(found.reasons),
-        "notes": list(found.notes),
-        "findings": findings_of(found.reasons, warnings, _unsaid(found.notes, warnings)),
+        "notes": [*(check.remark() for check in previews), *found.notes],
+        "findings": findings_of(found.reasons, warnings, [*proven, *_unsaid(found.notes, warnings)]),
         "assumptions": found.assumptions,
         "force_checks": [one.to_json() for one in found.force_checks],
         "provenance": {

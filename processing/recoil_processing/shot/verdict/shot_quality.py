@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -12,7 +12,6 @@ import numpy as np
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.files.shot_name import numbers_of
-from recoil_acquisition.live_kind import live_kind_of
 from recoil_acquisition.measured import joined, worded
 from recoil_acquisition.numerics.arrays import Array
 from recoil_acquisition.quantities.quantity import SI_UNITS
@@ -20,7 +19,7 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.remark import Caution, CautionCode
 from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from recoil_acquisition.shot.shot import ClockAlignment, Shot
-from recoil_processing.alignment.absolute_alignment import WARNED
+from recoil_processing.alignment.absolute_alignment import METHOD, WARNED
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.quality.loss_checks import GAP_STEPS
@@ -63,6 +62,7 @@ def check_shot(
     recordings: Mapping[str, Recording],
     day: CalibrationDay,
     without: Mapping[str, str] = NONE_LEFT_OUT,
+    replaced: Collection[str] = (),
 ) -> tuple[QualityCheck, ...]:
     """Check all channels and clocks of a shot, and what its acquisition lost.
 
@@ -74,6 +74,8 @@ def check_shot(
         Day that the calibrations must cover.
     without
         Sources that somebody left out, each with the name of its file, empty if none was given.
+    replaced
+        Sources whose instrument's own file took the place of what was read live.
 
     Returns
     -------
@@ -95,7 +97,7 @@ def check_shot(
     essential = {c.source for c in fired.rig.channels if c.role}
     checks += [
         check
-        for check in check_acquisition(fired.shot.acquisition, recordings, essential, _replaced(fired, recordings))
+        for check in check_acquisition(fired.shot.acquisition, recordings, essential, replaced)
         if check.channel not in without
     ]
     checks += check_clock_fits(fired.shot.clock_fits)
@@ -114,14 +116,6 @@ def check_shot(
     checks += check_sensors(fired, alignments)
     checks += calibration_checks(fired.rig, day)
     return tuple(weighed(checks, lean, recoil))
-
-
-def _replaced(fired: FiredShot, recordings: Mapping[str, Recording]) -> set[str]:
-    """Return the sources whose instrument's own file took the place of what was read of it live."""
-    live = {} if fired.shot.acquisition is None else {one.name: one.file for one in fired.shot.acquisition.sources}
-    kinds = {source.name: live_kind_of(source.kind, source.device) for source in fired.rig.sources if source.device}
-    previewed = {name for name, kind in kinds.items() if kind is not None and kind.is_preview}
-    return {name for name in previewed & {*recordings} & {*live} if recordings[name].path.name != live[name]}
 
 
 def calibration_checks(rig: Rig, day: CalibrationDay) -> list[QualityCheck]:
@@ -304,6 +298,9 @@ def alignment_check(a: ClockAlignment) -> QualityCheck:
     if a.status == "ambiguous":
         return QualityCheck(a.clock, Check.ALIGNMENT, "warn", worded(f"{text}; ambiguous: ", joined("; ", a.reasons)))
     details = a.details or {}
+    if a.method == METHOD:
+        own, other = (details[METHOD][side]["lock"] for side in ("source", "reference"))
+        text += f", locked to {own}, the reference to {other}"
     if WARNED in details:
         return QualityCheck(a.clock, Check.ALIGNMENT, "warn", f"{text}; {details[WARNED]}")
     if "second_apart_s" in details:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -38,7 +39,10 @@ def test_a_lock_that_is_10_us_wrong_is_used_and_moves_the_mass_by_nothing() -> N
     assert clock_of(right).offset_s == pytest.approx(apart().offset_s, abs=1e-9)
     check = verdict(wrong)
     assert (check.check, check.verdict) == (Check.ALIGNMENT, "ok")
-    assert re.search(r"by absolute; redundant gives -(8|9|1\d)\.\d us from it", check.detail)
+    assert re.search(
+        r"by absolute, locked to irig-b, the reference to irig-b; redundant gives -(8|9|1\d)\.\d us from it",
+        check.detail,
+    )
     before, after = identified(right), identified(wrong)
     u_kg = after.chosen.estimate.u_kg
     assert abs(after.chosen.estimate.mass_kg - before.chosen.estimate.mass_kg) < 0.02 * u_kg
@@ -100,6 +104,20 @@ def test_a_recorder_that_shares_no_motion_is_aligned_by_absolute_time_alone() ->
     )
     assert found.status == "failed"
     assert "the file is of another shot" in found.reasons[0]
+
+
+def test_a_bus_read_live_has_the_hosts_time_and_the_rate_of_its_own_clock() -> None:
+    fired = apart().at()
+    fit = {"drift": 2e-5, "u_drift": 1e-6, "u_offset_s": 3e-5}
+    shot = replace(fired.shot, alignments=(), clock_fits={SECOND: fit})
+    rig = two_recorders(align="u_s = 1e-5")
+    (found,) = (one for one in align_clocks(FiredShot(shot, rig)) if one.clock == SECOND)
+    assert found.drift == 2e-5
+    assert found.u_offset_s == pytest.approx(math.hypot(1e-5, 3e-5), rel=1e-3)
+    unknown = replace(shot, clock_fits={SECOND: fit | {"u_drift": None}})
+    (less_sure,) = (one for one in align_clocks(FiredShot(unknown, rig)) if one.clock == SECOND)
+    assert less_sure.u_drift > 1.1 * found.u_drift
+    assert less_sure.u_offset_s > found.u_offset_s
 
 
 def test_locks_and_both_offsets_stand_in_the_shot_file(tmp_path: Path) -> None:

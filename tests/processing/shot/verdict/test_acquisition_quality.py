@@ -36,11 +36,17 @@ def by_check(checks: tuple[QualityCheck, ...], channel: str = "can") -> dict[str
     return found
 
 
-def acquired(essential: bool = True, metadata: dict[str, Any] | None = None, **source: Any) -> dict[str, QualityCheck]:
+def acquired(
+    essential: bool = True,
+    metadata: dict[str, Any] | None = None,
+    given: str = "0007.rdlog",
+    replaced: tuple[str, ...] = (),
+    **source: Any,
+) -> dict[str, QualityCheck]:
     """Check a live shot of one bus."""
     acquisition = make_acquisition(sources=(acquired_source("can", "can", "0007.rdlog", **source),))
-    recordings = {"can": recording(**({"data_frames": 10_000} if metadata is None else metadata))}
-    return by_check(check_acquisition(acquisition, recordings, {"can"} if essential else set()))
+    recordings = {"can": recording(given, **({"data_frames": 10_000} if metadata is None else metadata))}
+    return by_check(check_acquisition(acquisition, recordings, {"can"} if essential else set(), replaced))
 
 
 def test_a_sound_acquisition_has_no_warning() -> None:
@@ -150,6 +156,13 @@ def test_many_drops_fail_unless_a_counter_tells_what_is_missing(name: str) -> No
     assert acquired(**{name: 500})[check].verdict == "fail"
     assert acquired(essential=False, **{name: 500})[check].verdict == "warn"
     assert acquired(metadata=COUNTED, **{name: 500})[check].verdict == "warn"
+
+
+def test_what_was_lost_live_fails_no_shot_that_has_the_instruments_own_file() -> None:
+    losses = {"kernel_drops": 500, "bad": 500}
+    assert {one.verdict for one in acquired(given="7.dmd", **losses).values()} == {"fail", "warn"}
+    found = acquired(given="7.dmd", replaced=("can",), **losses)
+    assert {name: one.verdict for name, one in found.items()} == {"kernel drops": "warn", "damaged entries": "warn"}
 
 
 @pytest.mark.parametrize(

@@ -118,3 +118,13 @@ def test_the_mass_of_a_shot_that_is_not_usable_is_for_comparison_and_never_valid
     assert (shot.mass["value"], shot.mass["valid"], shot.mass["reason"]) == (780.0, False, "p_breech is cut off")
     assert display.notices == []
     assert len(worker.asked) == 1  # neither the full rate nor a campaign
+
+
+def test_a_shot_of_before_that_is_of_a_preview_stays_provisional(day: Path) -> None:
+    (found,) = earlier_shots(day)
+    for check, provisional in (("preview", ["preview of daq"]), ("preview compared", [])):
+        quality = [*found["document"]["quality"], {"channel": "daq", "check": check, "verdict": "warn", "detail": "x"}]
+        one = {**found, "document": {**found["document"], "quality": quality}}
+        (shot,) = EarlierShots(Asked([one])).look(())  # type: ignore[arg-type]
+        assert shot.mass is not None
+        assert shot.mass["provisional"] == provisional

@@ -200,3 +200,15 @@ def test_a_file_of_another_length_than_its_instruments_others_is_doubted(samples
     shots[1].by_time.add("camera")
     assert doubt_of_files(shots[1], shots).startswith(told)
     assert bool(doubt_of_files(shots[1], shots)) == bool(told)
+
+
+def test_a_preview_is_as_long_as_the_shot_and_doubts_no_longer_file() -> None:
+    shots = [shot("0001", 10.0), shot("0002", 20.0, dewetron=Path("b.dmd"))]
+    for one, samples in zip(shots, (1000, 60_000), strict=True):
+        one.captured, one.previewed = Path(f"{one.name}.rdlog"), frozenset({"dewetron"})
+        one.document = {"quality": [], "channels": [{"clock": "dewetron", "samples": samples, "rate_hz": 1000.0}]}
+    shots[1].by_time.add("dewetron")
+    shots[0].files["dewetron"] = shots[0].captured or Path()
+    assert doubt_of_files(shots[1], shots) == ""
+    shots[0].files["dewetron"] = Path("a.dmd")
+    assert "is 60.000 s long, 1.000 s that of shot 0001" in doubt_of_files(shots[1], shots)

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,6 +18,7 @@ import pytest
 from recoil_acquisition.errors import WorkerError
 from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_daq.live.shots.mass_work import MassWork, campaign_line, mass_line, provisional, whole_line
+from recoil_daq.live.shots.preview import mass_by_file
 from recoil_daq.reports.identify import identify_file
 from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_rigs.rig import load_rig
@@ -209,6 +211,35 @@ def test_a_mass_is_one_line() -> None:
 def test_the_full_rate_says_whether_it_changes_what_was_said_before_it(value: float, end: str) -> None:
     line = whole_line("0003", {**MASS, "value": value, "thinned_hz": 50e3}, MASS)
     assert line == f"0003 mass 783.0 kg, 95 % 777.8 to 788.2, E_n 0.3, VALID; by the full rate, {end}"
+
+
+def test_the_mass_by_the_file_is_told_beside_that_of_the_preview_in_u() -> None:
+    assert mass_by_file({**MASS, "value": 783.05}, MASS) == "the file gives the mass of the preview: -0.01 kg, 0.0038 u"
+    changed = mass_by_file({**MASS, "value": 780.44}, MASS)
+    assert changed == "the file CHANGES THE MASS of the preview by +2.6 kg, 1 u"
+
+
+@pytest.mark.parametrize(("before_hz", "told_after"), [(None, 2), (50e3, 1)])
+def test_a_preview_and_its_file_are_compared_as_alike_as_they_can_be(
+    tmp_path: Path, before_hz: float | None, told_after: int
+) -> None:
+    display, answers = Told(), [{**MASS, "value": 785.64, "thinned_hz": 50e3}, {**MASS, "value": 785.64}]
+    found = iter(answers)
+    worker = SimpleNamespace(
+        ask=lambda *_, **__: SimpleNamespace(done=True, result=lambda: next(found)), look=lambda: None,
+        drop=lambda _: None,
+    )  # fmt: skip
+    work = MassWork(worker, tmp_path, display)  # type: ignore[arg-type]
+    document = {"file": str(tmp_path / "0001.h5"), "channels": [{"rate_hz": 200e3}]}
+    shot = LiveShot("0001", state=ShotState.USABLE, document=document, previewed=frozenset({"daq"}))
+    shot.captured = tmp_path / "0001.rdlog"
+    shot.files = {"daq": tmp_path / "0001.dmd"}
+    shot.mass = {**MASS, "thinned_hz": before_hz}
+    work.begin(shot)
+    for looked in (1, 2):
+        work.look()
+        told = display.told("the file CHANGES THE MASS of the preview by +2.6 kg, 1 u")
+        assert len(told) == (looked >= told_after)
 
 
 def test_a_campaign_is_one_line() -> None:
