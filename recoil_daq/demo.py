@@ -23,7 +23,7 @@ from recoil_daq.recording.simulate import simulate
 from recoil_daq.reports.identify import Reported, identify_file
 from recoil_daq.terminal.result import Progress
 from recoil_identification.report.document.document import true_mass_kg
-from recoil_rigs.rig import load_rig
+from recoil_rigs.rig import Rig, load_rig, parse_rig
 from recoil_rigs.twin import CampaignPlan, TwinShot, simulate_shot
 from recoil_rigs.twin.range_day import RangeDay
 
@@ -220,6 +220,14 @@ class LiveDemonstration:
         print_live_demo(self.to_json())
 
 
+def live_demo_rig() -> Rig:
+    """Return the rig of the demonstrated range day: its recorder streams what its file will hold."""
+    whole = load_rig(DEMO_RIG)
+    files = 'match = "*_dewetron.csv"'
+    streaming = whole.text.replace(files, f'device = {{ virtual = "oxygen" }}\n{files}')
+    return parse_rig(streaming, whole.path, whole.databases)
+
+
 def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool = False) -> LiveDemonstration:
     """Run a range day of three shots with virtual devices, each identified before the next is fired.
 
@@ -242,7 +250,7 @@ def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool
     days: list[RangeDay] = []
     options = LiveOptions(out=folder, shots=LIVE_DEMO_SHOTS, identify=True)
     outcome = run_live(
-        load_rig(DEMO_RIG),
+        live_demo_rig(),
         options,
         display,
         play={"seed": seed, "silence_before_s": LIVE_DEMO_SILENCE_S},

@@ -70,6 +70,13 @@ DEVICE_OF_PORT = {
     "dsrdtr": ("true or false", "`false`", "handshake by DSR and DTR"),
     "low_latency": ("true or false", "`true`", "false leaves the driver's latency as it is"),
 }
+DEVICE_OF_OPENDAQ = {
+    "opendaq": (
+        "text",
+        "",
+        "address: `daq.nd://HOST[:PORT]` native, `daq.ns://` its stream alone, `daq.lt://` websocket, `daqref://device0`",
+    ),
+}
 FRAMINGS = """\
 ## `[source.framing]`
 
@@ -98,6 +105,7 @@ def page() -> str:
         section("`time` of a source", _text(rig.AbsoluteTime), rows_of(rig.AbsoluteTime)),
         section("`device` of a can source", "", [(key, *row) for key, row in DEVICE_OF_BUS.items()]),
         section("`device` of a serial source", "", [(key, *row) for key, row in DEVICE_OF_PORT.items()]),
+        section("`device` of an openDAQ recorder", "", [(key, *row) for key, row in DEVICE_OF_OPENDAQ.items()]),
         section("`[source.layout]` of a recorder", "A table of text that does not say so itself.", rows_of(TextLayout)),
         section("`[source.layout]` of a camera", "A table of tracks.", rows_of(TrackLayout)),
         section("`features` of a camera's layout", "At least one column each.", rows_of(DeclaredFeature)),

@@ -1,7 +1,7 @@
 """Kinds of source that are read live: one line of a table each, loaded when it is needed.
 
-What a rig's ``device`` table says chooses the kind, by a key that only this kind has. Another package adds one by an
-entry point, which leads to a `LiveKind`::
+What a rig's ``device`` table says chooses the kind, by a key that only this kind has, or by ``virtual = "KEY"``, which
+has it played. Another package adds one by an entry point, which leads to a `LiveKind`::
 
     [project.entry-points."recoil_daq.live_kinds"]
     gauge = "recoil_gauge:KIND"
@@ -108,6 +108,14 @@ _OWN = (
         counted="bytes", example='{ oxygen = "192.0.2.10" }', decodes_all=True, tells_signals=True, is_preview=True,
         keeps_talk=True,
     ),
+    LiveKind(
+        "opendaq", ("dewetron",), "stream",
+        device="recoil_acquisition.devices.opendaq_device:opendaq_device",
+        signals="recoil_acquisition.capture.opendaq_ticks:opendaq_signals",
+        capture="recoil_acquisition.capture.opendaq_ticks:open_opendaq",
+        counted="samples", example='{ opendaq = "daq.nd://192.0.2.20" }', decodes_all=True, tells_signals=True,
+        is_preview=True,
+    ),
 )  # fmt: skip
 
 _PARTS = tuple(LiveKind.__dataclass_fields__)
@@ -121,5 +129,7 @@ def live_kinds() -> tuple[LiveKind, ...]:
 def live_kind_of(source_kind: str, device: Mapping[str, Any] | None) -> LiveKind | None:
     """Return the kind of a source's ``device`` table; None if such a source cannot be read live so."""
     fitting = [kind for kind in live_kinds() if source_kind in kind.source_kinds]
-    chosen = [kind for kind in fitting if kind.key in (device or {})] or [kind for kind in fitting if kind.is_default]
+    table = device or {}
+    chosen = [kind for kind in fitting if kind.key in table or kind.key == table.get("virtual")]
+    chosen = chosen or [kind for kind in fitting if kind.is_default]
     return chosen[0] if chosen else None

@@ -24,12 +24,12 @@ _REMEDY = "give --keep another file, or --overwrite"
 
 
 class FirstContact:
-    """File of what passes between this computer and one recorder, between entering and leaving.
+    """File of what a recorder and this program say to each other between entering and leaving.
 
     Parameters
     ----------
     path
-        The file; it bears that name only when it is whole.
+        The file, which is there whatever ended the talk, unless nothing was said or something could not be written.
 
     Raises
     ------
@@ -42,7 +42,7 @@ class FirstContact:
         self._lock = threading.Lock()
         self._stream: IO[str] | None = None
         self._fault: OSError | None = None
-        self._began_s = 0.0
+        self._began_s: float | None = None
 
     def __enter__(self) -> Self:
         if self.path.exists() and not self._overwrite:
@@ -62,7 +62,7 @@ class FirstContact:
                 stream.close()
                 if self._fault is not None:
                     raise self._fault
-                if kind is None:
+                if self._began_s is not None:
                     give_name(self._partial, self.path, overwrite=self._overwrite)
         except StoreError as error:
             if kind is None:  # else it is not what went wrong
@@ -77,8 +77,8 @@ class FirstContact:
         self._write({"schema": SCHEMA, "rig": rig, "source": source, "utc": utc})
 
     def heard(self, link: str, sender: str, data: bytes) -> None:
-        """Write what passed; a device that reads is never troubled by a disk that fails."""
-        row = {"at_s": round(time.monotonic() - self._began_s, 6), "link": link, "from": sender}
+        """Write what was said on a connection; a device that reads is never troubled by a disk that fails."""
+        row = {"at_s": round(time.monotonic() - (self._began_s or 0.0), 6), "link": link, "from": sender}
         self._write(row | (_text_of(data) if link == "scpi" else _bytes_of(data)))
 
     def _write(self, row: dict[str, Any]) -> None:

@@ -7,7 +7,7 @@ import random
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, suppress
 from itertools import pairwise
 from pathlib import Path
@@ -17,8 +17,9 @@ import pytest
 
 from recoil_acquisition.capture.cut import acquisition_in
 from recoil_acquisition.capture.session_record import live_record_of
-from recoil_acquisition.devices.device import EVENT, STREAM, event_of
 from recoil_acquisition.log.folder import Log, open_log
+from recoil_acquisition.log.record import Kind, Record
+from recoil_acquisition.readers.captured import event_of
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin.oxygen_packets import ValueForm
 from tests.benchmarks.test_live_benchmark import (
@@ -30,6 +31,7 @@ from tests.benchmarks.test_live_benchmark import (
     cpu_s,
     watch,
 )
+from tests.builders.live_logs import source_in
 from tests.builders.live_rigs import GRACE_NS, LiveProcess, multicast_device, run_recover, write_live_rig
 from tests.builders.machine_waits import MachineWaits
 from tests.builders.oxygen_client import Ended, exactly, read_packet
@@ -98,7 +100,7 @@ def test_sixteen_channels_of_a_recorder_are_recorded_without_a_loss(tmp_path, ca
         time.sleep(0.5)
         assert process.end(signal.SIGTERM, 60.0) == 130, process.said
     journal = open_log(tmp_path / "kept")
-    ramps = checked(journal)
+    ramps = checked(records_of(journal, "dewetron"))
     survey = journal.survey()
     shares = {name: (after[name] - before.get(name, 0.0)) / lasted_s for name in after}
     sent = (recorder.sent[0][0], sum(recorder.sent[-1][:2]))
@@ -139,7 +141,7 @@ def test_every_tick_is_accounted_for_when_the_session_or_the_recorder_is_killed(
             stack.enter_context(port)
             process.recording(journal)
             time.sleep(choice.uniform(0.5, 1.5))
-            recorder.unplug()
+            recorder.break_off()
             time.sleep(choice.uniform(0.05, 0.5))
             again = len(recorder.sent)
             recorder.plug()
@@ -147,7 +149,7 @@ def test_every_tick_is_accounted_for_when_the_session_or_the_recorder_is_killed(
             time.sleep(choice.uniform(0.0, 1.0))
             killed_ns, waited_ns = process.kill(), waits.longest_ns(GRACE_NS)
         document = run_recover(folder / "out")
-        ramps = checked(open_log(Path(document["journals"][0]["everything"])))
+        ramps = checked(source_in(Path(document["journals"][0]["everything"]), "dewetron").records)
         due = sum(1 for _, _, sent_ns in recorder.sent if sent_ns < killed_ns - GRACE_NS - waited_ns)
         ends = sum(recorder.sent[due - 1][:2])
         gap = recorder.sent[again - 1][0] + recorder.sent[again - 1][1], recorder.sent[again][0]
@@ -170,10 +172,15 @@ def threads_cpu_s(number: int, names: Path) -> dict[str, float]:
     return found
 
 
-def checked(journal: Log) -> Ramps:
+def records_of(journal: Log, source: str) -> Iterable[Record]:
+    """Return what a journal holds of a source."""
+    return journal.records(live_record_of(journal.session, journal.folder).number(source))
+
+
+def checked(records: Iterable[Record]) -> Ramps:
     """Decode all that a journal or a capture holds of the recorder, and check every sample."""
     ramps: Ramps | None = None
-    for pieces in connections_of(journal, "dewetron"):
+    for pieces in connections_of(records):
         reader: Any = Pieces(pieces)
         with suppress(Ended, ConnectionError):  # a connection that is cut off ends in half a packet
             exactly(reader, 64)
@@ -204,19 +211,18 @@ class Pieces:
         return taken
 
 
-def connections_of(journal: Log, source: str) -> Iterator[Iterator[bytes]]:
+def connections_of(records: Iterable[Record]) -> Iterator[Iterator[bytes]]:
     """Yield the bytes of each connection of a source; each must be read to its end before the next."""
-    record = live_record_of(journal.session, journal.folder)
-    blocks = (record.block(one) for one in journal.records(record.number(source)))
-    over = False
+    left, over = iter(records), False
 
     def one_of() -> Iterator[bytes]:
         nonlocal over
-        for block in blocks:
-            if block.kind == EVENT and event_of(block).name == "reopened":
+        for record in left:
+            event = event_of(record)
+            if event is not None and event.name == "lost":
                 return
-            if block.kind == STREAM:
-                yield block.payload
+            if record.kind == Kind.STREAM:
+                yield record.payload
         over = True
 
     while not over:

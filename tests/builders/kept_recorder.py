@@ -22,6 +22,7 @@ SCHEMA = "recoil-daq/first-contact/1"
 HOST = "127.0.0.1"
 _LOOK_S = 0.05
 _PORT = re.compile(r"(:DST:PORT\d*) (\d+)", re.IGNORECASE)
+_GROUP = re.compile(r":DST:ITEM(\d+) ", re.IGNORECASE)
 _START = re.compile(r":DST:START\b", re.IGNORECASE)
 _ERRORS = re.compile(r":SYST:ERR(:ALL)?\?", re.IGNORECASE)
 
@@ -83,7 +84,14 @@ class FirstContact:
         """Channels that were asked for."""
         asked = [one.data.decode() for one in self.lines if one.link == "scpi" and one.sender == "host"]
         rows = [line for line in asked if re.match(r":DST:ITEM\d* ", line, re.IGNORECASE)]
-        return re.findall('"([^"]*)"', rows[-1]) if rows else []
+        found = re.findall('"((?:[^"]|"")*)"', rows[-1]) if rows else []
+        return [one.replace('""', '"') for one in found]
+
+    @property
+    def group(self) -> int:
+        """Number of the group of streams that was used."""
+        asked = [_GROUP.match(one.data.decode()) for one in self.lines if one.link == "scpi" and one.sender == "host"]
+        return next((int(found[1]) for found in asked if found is not None), 1)
 
 
 def _key(command: str) -> str:
@@ -121,7 +129,8 @@ class KeptRecorder:
     @property
     def device(self) -> dict[str, Any]:
         """Its ``device`` table."""
-        return {"oxygen": f"{HOST}:{self._sockets[0].getsockname()[1]}", "stream_port": self._stream_port}
+        group = {} if self.contact.group == 1 else {"group": self.contact.group}
+        return {"oxygen": f"{HOST}:{self._sockets[0].getsockname()[1]}", "stream_port": self._stream_port, **group}
 
     def __enter__(self) -> KeptRecorder:
         self._begin(self._answer_all, self._sockets[0])

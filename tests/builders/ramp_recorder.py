@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_rigs.twin.oxygen_packets import Raw, ValueForm, WireChannel, raw_of
+from recoil_rigs.twin.oxygen_packets import Raw, ValueForm, WireChannel, data_part, packet, raw_of
 from recoil_rigs.twin.oxygen_recorder import GOOD, Handling, OxygenRecorder, RecorderContent
 from tests.builders.oxygen_client import Packet
 
@@ -55,18 +55,18 @@ class Ramps:
     seeds: list[int] = field(default_factory=list)
     wrong: int = 0
 
-    def take(self, packet: Packet) -> None:
+    def take(self, one: Packet) -> None:
         """Check one packet."""
-        if not packet.data:
+        if not one.data:
             return
-        assert len(packet.data) == self.channels
-        for channel, (ticks, _, code, data) in enumerate(packet.data):
+        assert len(one.data) == self.channels
+        for channel, (ticks, _, code, data) in enumerate(one.data):
             expected = raw_of(ramp(channel, self.channels, ticks.astype(np.int64)), "f32" if code == 10 else "i24")
             self.wrong += int((np.frombuffer(data, np.uint8) != expected.ravel()).any()) * ticks.size
-        first, behind = int(packet.data[0][0][0]), int(packet.data[0][0][-1]) + 1
-        new = not self.seeds or self.seeds[-1] != packet.seed
+        first, behind = int(one.data[0][0][0]), int(one.data[0][0][-1]) + 1
+        new = not self.seeds or self.seeds[-1] != one.seed
         if new:
-            self.seeds.append(packet.seed)
+            self.seeds.append(one.seed)
         if not new and self.stretches and self.stretches[-1][1] == first:
             self.stretches[-1] = (self.stretches[-1][0], behind)
         else:
@@ -103,3 +103,16 @@ class RampRecorder(OxygenRecorder):
             self.sent.append((first, raw.shape[1], time.monotonic_ns()))
         self.cpu_s = time.thread_time()
         return done
+
+    def break_off(self) -> None:
+        """Be gone in the middle of a packet, as a recorder whose program is killed."""
+        with self._lock:
+            streaming = self._streaming
+            if streaming is not None:
+                raw = self.at_rest(self._rested, self.content.packet_ticks)
+                rate_hz, form = self.content.rate_hz, self.content.form
+                parts = [data_part(one, raw[i], self._rested, rate_hz, form) for i, one in streaming.channels.items()]
+                data = packet(streaming.sequence, streaming.seed, parts)
+                self._write(data[: len(data) // 2], ())
+                streaming.sequence += 1
+        self.unplug()

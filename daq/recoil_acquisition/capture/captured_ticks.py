@@ -94,12 +94,16 @@ class _Series:
         self.runs[0].parts.append(raw[new])
         self.runs[0].count += int(new.sum())
 
-    def precedes(self, item: TickSamples) -> bool:
-        """Return whether some samples go on behind those that are there, or repeat some of the last second."""
+    def precedes(self, item: TickSamples, *, anew: bool) -> bool:
+        """Return whether some samples go on behind those that are there, or repeat some of the last second.
+
+        Behind a connection that was lost nothing is repeated: ticks that go back are counted anew there.
+        """
         if not self.runs:
             return True
-        last = int(self.ticks[-1][-1]) if self.ticks else self.runs[-1].first_tick
-        return item.first_tick >= last - float(self.channel.tick_rate)
+        run = self.runs[-1]
+        behind = int(self.ticks[-1][-1]) + 1 if self.ticks else run.first_tick + self.channel.step * run.count
+        return item.first_tick >= behind - (0 if anew else self.channel.tick_rate)
 
 
 @dataclass
@@ -107,6 +111,8 @@ class _Epoch:
     description: StreamDescription
     series: dict[int, _Series] = field(default_factory=dict)
     packets: list[tuple[int, int, int, int]] = field(default_factory=list)
+    anew: set[int] = field(default_factory=set)
+    """Channels of which nothing came since the connection was lost."""
 
     @property
     def lasts_s(self) -> float:
@@ -115,11 +121,12 @@ class _Epoch:
 
     def goes_on_with(self, item: TickSamples) -> bool:
         series = self.series.get(item.channel)
-        return series is None or series.precedes(item)
+        return series is None or series.precedes(item, anew=item.channel in self.anew)
 
     def add(self, item: TickSamples, host_ns: int) -> None:
         channel = self.description.channels[item.channel]
         self.series.setdefault(item.channel, _Series(channel)).add(item)
+        self.anew.discard(item.channel)
         self.packets.append((item.channel, item.first_tick, item.raw.size, host_ns))
 
 
@@ -153,8 +160,8 @@ def open_ticks(path: Path, source: CapturedSource, clock: str, decoder: TickDeco
     )  # fmt: skip
 
 
-def _items(source: CapturedSource, decoder: TickDecoder) -> Iterator[tuple[int, TickItem, bool]]:
-    """Yield what the records say: the host's time, the item, and whether an event said it."""
+def _items(source: CapturedSource, decoder: TickDecoder) -> Iterator[tuple[int, TickItem | None, bool]]:
+    """Yield host time, item, and whether an event said it, of what the records say; None for a lost connection."""
     events = DescribedEvents()
     for record in source.records:
         if record.kind in DATA:
@@ -165,16 +172,21 @@ def _items(source: CapturedSource, decoder: TickDecoder) -> Iterator[tuple[int, 
             continue
         if event.name in ("lost", "reopened"):
             decoder.skip()
+            yield record.host_ns, None, True
         elif event.name == DESCRIBED and (said := events.take(event.detail)) is not None:
             decoder.describe(said)
             yield record.host_ns, said, True
 
 
-def _epochs(items: Iterator[tuple[int, TickItem, bool]], faults: list[str]) -> list[_Epoch]:
+def _epochs(items: Iterator[tuple[int, TickItem | None, bool]], faults: list[str]) -> list[_Epoch]:
     """Part the samples by what was said of them; those before the first event are of what it says."""
     waiting: list[tuple[int, TickSamples]] = []
     epochs: list[_Epoch] = []
     for host_ns, item, by_event in items:
+        if item is None:
+            if epochs:
+                epochs[-1].anew = set(epochs[-1].series)
+            continue
         if isinstance(item, StreamFault):
             faults.append(item.problem)
             continue
@@ -281,7 +293,7 @@ def _gaps(epoch: _Epoch) -> Iterator[Remark]:
     for text, names in missing.items():
         yield Note(NoteCode.LOST, _one(names), f"{_named(names)}: samples are missing, {text}")
     for count, names in again.items():
-        text = f"{_named(names)}: {count} samples came twice: the first ones count"
+        text = f"{_named(names)}: {count} samples came twice or too late: the first ones count"
         yield Note(NoteCode.LEFT_OUT, _one(names), text)
 
 
@@ -322,7 +334,11 @@ def _metadata(epoch: _Epoch, held: list[_Epoch]) -> dict[str, Any]:
     fastest = max(epoch.series, key=lambda number: _sample_rate(epoch.series[number].channel))
     channel = epoch.series[fastest].channel
     step = channel.step or 1
-    packets = ((first // step, count, at_ns) for number, first, count, at_ns in epoch.packets if number == fastest)
+    packets, last = [], -1
+    for number, first, count, at_ns in epoch.packets:
+        if number == fastest and first // step > last:  # else it came twice, or late
+            last = first // step + count - 1
+            packets.append((first // step, count, at_ns))
     return {
         "dated_by": "recorder",
         "clock_fit": tick_anchors(float(_sample_rate(channel)), packets),

@@ -69,6 +69,8 @@ class TickSignals:
     def _heed(self, block: Block) -> None:
         if interrupts(block):
             self._decoder.skip()
+            for clock in self._clocks.values():
+                clock.interrupt()
             return
         event = event_of(block)
         if event.name == DESCRIBED and (said := self._events.take(event.detail)) is not None:
@@ -110,10 +112,15 @@ class _Clock:
         self._rate = _sample_rate(channel)
         self._clock = TickClock(float(self._rate))
         self._next: int | None = None
+        self._interrupted = False
 
     def restart(self) -> None:
         self._clock.restart()
         self._next = None
+
+    def interrupt(self) -> None:
+        """Note that the connection was lost: nothing is repeated behind it, ticks that go back are counted anew."""
+        self._interrupted = True
 
     def dated(self, channel: TickChannel, item: TickSamples, host_ns: int) -> tuple[int, Array] | None:
         """Return from which sample on they are new, and their instants; None where there is no relation yet."""
@@ -125,8 +132,9 @@ class _Clock:
         first = item.first_tick // channel.step if numbers is None else int(numbers[0])
         count = item.raw.size if numbers is None else int(numbers[-1]) - first + 1
         again = 0 if self._next is None else self._next - first
-        if again >= count:
-            if again - count < float(self._rate):
+        interrupted, self._interrupted = self._interrupted, False
+        if again >= count or (interrupted and again > 0):
+            if again - count < float(self._rate) and not interrupted:
                 return None  # samples that came before: doubled, or late
             self.restart()
             again = 0

@@ -7,14 +7,10 @@ at each connection and change, and again every `REPEATED_S`, because a capture m
 from __future__ import annotations
 
 import base64
-import json
-import zlib
-from fractions import Fraction
-from typing import Any
 
 from recoil_acquisition.devices.device import LONGEST_DETAIL, Block, event_block
-from recoil_acquisition.files.strict_json import read_json
-from recoil_acquisition.streams.tick_stream import StreamDescription, TickChannel
+from recoil_acquisition.streams.packed_description import description_of, packed_description
+from recoil_acquisition.streams.tick_stream import StreamDescription
 
 DESCRIBED = "described"
 """Name of the event."""
@@ -22,21 +18,11 @@ REPEATED_S = 0.2
 """Longest time between two of them while samples come, s: less than what is cut behind a shot."""
 _PART = LONGEST_DETAIL - 64
 _MOST_PARTS = 256
-_LARGEST = 1 << 24
-"""Bytes of a description, unpacked."""
 
 
 def described_events(source: str, host_ns: int, description: StreamDescription) -> tuple[Block, ...]:
     """Return the events that say a description."""
-    document = {
-        "start_utc_ns": description.start_utc_ns,
-        "time_by": description.time_by,
-        "channels": [
-            vars(one) | {"tick_rate": [one.tick_rate.numerator, one.tick_rate.denominator], "said": dict(one.said)}
-            for one in description.channels
-        ],
-    }
-    packed = base64.b85encode(zlib.compress(json.dumps(document).encode())).decode()
+    packed = base64.b85encode(packed_description(description)).decode()
     parts = [packed[at : at + _PART] for at in range(0, len(packed), _PART)]
     return tuple(
         event_block(source, host_ns, DESCRIBED, f"{number}/{len(parts)} {part}")
@@ -64,29 +50,20 @@ class DescribedEvents:
             return None
         packed, self._parts = "".join(self._parts), []
         try:
-            return _description_of(packed)
-        except (ValueError, KeyError, TypeError, ZeroDivisionError, OverflowError, zlib.error):
+            return description_of(base64.b85decode(packed))
+        except ValueError:
             return None
 
 
-def _description_of(packed: str) -> StreamDescription:
-    unpacker = zlib.decompressobj()
-    content = read_json(unpacker.decompress(base64.b85decode(packed), _LARGEST))
-    start_ns = content["start_utc_ns"]
-    return StreamDescription(
-        tuple(_channel_of(one) for one in content["channels"]),
-        None if start_ns is None else int(start_ns),
-        str(content["time_by"]),
-    )
-
-
-def _channel_of(stated: dict[str, Any]) -> TickChannel:
-    return TickChannel(
-        str(stated["name"]),
-        str(stated["unit"]),
-        Fraction(*stated["tick_rate"]),
-        int(stated["step"]),
-        float(stated["factor"]),
-        float(stated["offset"]),
-        {str(key): str(text) for key, text in stated["said"].items()},
-    )
+def changes(before: StreamDescription, now: StreamDescription) -> str:
+    """Say how a stream's channels are described otherwise than before; empty where they are not."""
+    old, new = ({one.name: one for one in each.channels} for each in (before, now))
+    found = [f"{name} is gone" for name in old if name not in new]
+    found += [f"{name} is new" for name in new if name not in old]
+    for name in (one for one in old if one in new):
+        for what in ("unit", "factor", "offset", "tick_rate", "step"):
+            was, is_now = getattr(old[name], what), getattr(new[name], what)
+            if was != is_now:
+                shown = what.replace("tick_rate", "rate")
+                found.append(f"{shown} of {name} is {is_now or 'none'}, was {was or 'none'}")
+    return "; ".join(found[:8]) or ("" if [*old] == [*new] else "the order of its channels")

@@ -70,7 +70,7 @@ class OxygenControl:
         self.identity = ""
         self.said: dict[str, dict[str, str]] = {}
         self._client: ScpiClient | None = None
-        self._stores = False
+        self._stores = self._owns = False
 
     def connect(self) -> None:
         """Connect, and make sure that it streams at all; OSError if it does not."""
@@ -91,13 +91,23 @@ class OxygenControl:
         if missing:
             near = [f"{name!r} (nearest {', '.join(nearest_first(name, list(ids))[:4])})" for name in missing[:8]]
             raise RecorderError(f"it has no channel {'; '.join(near)}: correct `signal` in the rig file")
-        self.said = self._properties({name: ids[name] for name in wanted})
+        for name in wanted:
+            if len(ids[name]) > 1:
+                found = f"it has {len(ids[name])} channels that are called {name!r}"
+                raise RecorderError(f"{found}: give them names of their own in OXYGEN")
+        self.said = self._properties({name: ids[name][0] for name in wanted})
         unused = [name for name in wanted if self.said[name].get("Used", "").lower() in _OFF]
         if unused:
             raise RecorderError(f"its channel {', '.join(unused)} is switched off: switch it on in OXYGEN")
         items = ",".join(map(quoted_text, wanted))
-        if self.state() == "RUNNING" and self._items() == tuple(wanted):
-            return  # left from before: it goes on
+        if self.state() == "RUNNING" and (streamed := self._items()) != ():
+            if streamed == tuple(wanted):
+                self._owns = True
+                return  # left from before: it goes on
+            if not self._owns:
+                other = f"its group {s.group} streams {', '.join(streamed)} to somebody else"
+                raise RecorderError(f"{other}: write `group = {s.group + 1}` in `device`, or delete it there")
+        self._owns = True
         client.do(f":DST:PORT{s.group} {s.stream_port}")
         client.do(f":DST:ITEM{s.group} {items}")
         if (taken := self._items()) != tuple(wanted):
@@ -126,11 +136,12 @@ class OxygenControl:
         with suppress(OSError):
             if self._stores:
                 self._there().do(":STOR:STOP")
-        with suppress(OSError):
-            self._there().do(f":DST:STOP {self.settings.group}")
-        with suppress(OSError):
-            self._there().do(f":DST:DEL {self.settings.group}")
-        self._stores = False
+        if self._owns:
+            with suppress(OSError):
+                self._there().do(f":DST:STOP {self.settings.group}")
+            with suppress(OSError):
+                self._there().do(f":DST:DEL {self.settings.group}")
+        self._stores = self._owns = False
 
     def close(self) -> None:
         """Close the connection; nothing is raised."""
@@ -171,10 +182,14 @@ class OxygenControl:
                 raise RecorderError(f"{what} is {state} after {STATES_S:g} s, not {want}: look at OXYGEN")
             time.sleep(_LOOK_S)
 
-    def _ids(self) -> Mapping[str, str]:
-        """Return the number of each channel by its name."""
+    def _ids(self) -> Mapping[str, Sequence[str]]:
+        """Return the numbers of each channel's name."""
         rows = _parsed(self._there().ask(":CHANNEL:NAMES?"), ":CHANNEL:NAMES?")
-        return {str(row[1]): str(row[0]) for row in rows if isinstance(row, tuple) and len(row) == 2}
+        ids: dict[str, list[str]] = {}
+        for row in rows:
+            if isinstance(row, tuple) and len(row) == 2:
+                ids.setdefault(str(row[1]), []).append(str(row[0]))
+        return ids
 
     def _properties(self, ids: Mapping[str, str]) -> dict[str, dict[str, str]]:
         """Return what the recorder says of some channels; nothing of any where it has no such answers."""

@@ -27,6 +27,8 @@ from recoil_acquisition.streams.tick_stream import StreamDescription, StreamFaul
 
 FIRST_SAMPLES_S = 5.0
 """Longest time from the start of the stream to its first samples, with what it says of them."""
+SILENT_S = 2.0
+"""Time without any data after which the recorder is asked whether it streams still."""
 RECEIVE_BUFFER = 8 << 20
 """Bytes asked for as the connection's queue: half a second of 16 channels of 200 kHz, and more."""
 _KEYS = ("oxygen", "stream_port", "group", "acquisition", "storing")
@@ -70,7 +72,7 @@ class OxygenDevice(ReopenedDevice):
         self._next: dict[int, int] = {}
         self._description: StreamDescription | None = None
         self._unread: deque[tuple[bytes, int]] = deque()
-        self._said_ns = self._told_ns = 0
+        self._said_ns = self._told_ns = self._asked_ns = 0
         self._bad = self._untold = self._gaps = self._lost_packets = 0
         self._problem = ""
         self._finishing = False
@@ -127,6 +129,7 @@ class OxygenDevice(ReopenedDevice):
         self._decoder, self._unread = OxygenDecoder(), deque()
         control.start()
         self._await_samples()
+        self._asked_ns = time.monotonic_ns()
         control.store()
 
     def _await_samples(self) -> None:
@@ -171,6 +174,8 @@ class OxygenDevice(ReopenedDevice):
         empty_ns = None if waits else self._look.empty_ns
         try:
             data = self._receive(timeout_s)
+            if data is None:
+                self._ask_why_silent()
         except OSError as error:
             if self._finishing:
                 self._disconnect()
@@ -181,6 +186,7 @@ class OxygenDevice(ReopenedDevice):
             return None
         host_ns = time.monotonic_ns()
         self._received += len(data)
+        self._asked_ns = host_ns
         self._high_water = max(self._high_water, len(data))
         block = Block(self.name, host_ns, data, STREAM, empty_ns)
         self._follow(data)
@@ -197,6 +203,14 @@ class OxygenDevice(ReopenedDevice):
         if self._heard is not None:
             self._heard("stream", "recorder", data)
         return data
+
+    def _ask_why_silent(self) -> None:
+        """Ask a recorder of which nothing comes for long what it does; OSError if it does not stream."""
+        if time.monotonic_ns() - self._asked_ns < 1e9 * SILENT_S or self._finishing:
+            return
+        if self._control.state() != "RUNNING":
+            raise ConnectionResetError(self._why_ended())
+        self._asked_ns = time.monotonic_ns()
 
     def _why_ended(self) -> str:
         try:
@@ -221,7 +235,7 @@ class OxygenDevice(ReopenedDevice):
             elif isinstance(item, StreamFault):
                 self._bad += 1
                 self._untold, self._problem = self._untold + 1, item.problem
-                damaged = damaged or item.problem.endswith("the stream is damaged")
+                damaged = damaged or item.is_out_of_step
             else:
                 self._describe(item)
         info = self._decoder.info
@@ -247,7 +261,11 @@ class OxygenDevice(ReopenedDevice):
 
     def _say(self, host_ns: int) -> None:
         """Say among the blocks what the stream holds, and what of it could not be read."""
-        if self._description is not None and host_ns - self._said_ns > 1e9 * REPEATED_S:
+        if (
+            self._decoder.description is not None
+            and self._description is not None
+            and host_ns - self._said_ns > 1e9 * REPEATED_S
+        ):
             self._said_ns = host_ns
             self._ahead.extend(described_events(self.name, host_ns, self._description))
         if self._untold and host_ns - self._told_ns > 1e9 * _TOLD_EVERY_S:

@@ -101,9 +101,9 @@ class ReopenedDevice(ABC):
             return self._ahead.popleft()
         if not self._wanted:
             raise ValueError(f"source '{self.name}' is not open")
-        block = None
-        if self._driver is not None or self._reconnect(timeout_s):
-            block = self._take(timeout_s)
+        if self._driver is None and self._reconnect(timeout_s):
+            return self._ahead.popleft()  # before anything of the new connection
+        block = None if self._driver is None else self._take(timeout_s)
         if block is None and self._ahead:
             return self._ahead.popleft()
         return block

@@ -53,9 +53,10 @@ PARQUET = Extra("parquet", "pyarrow", "pyarrow>=17")
 CLUSTER = Extra("cluster", "distributed", "distributed>=2025.1")
 PDF = Extra("pdf", "typst", "typst>=0.15")
 DCC = Extra("dcc", "signxml", "signxml>=5.2")
+OPENDAQ = Extra("opendaq", "opendaq", "opendaq>=3.40")
 SERVE = Extra("serve", "uvicorn", "uvicorn>=0.30")
 NOTEBOOK = Extra("notebook", "matplotlib", "matplotlib>=3.9")
 XARRAY = Extra("notebook", "xarray", "xarray>=2024.10")
 SIGN = Extra("sign", "asn1crypto", "asn1crypto>=1.5")
 SIGN_KEYS = Extra("sign", "cryptography", "cryptography>=42")
-EXTRAS = {extra.name: extra for extra in (DEWESOFT, MDF, TDMS, XLSX, PARQUET, CLUSTER, PDF, DCC, SERVE)}
+EXTRAS = {extra.name: extra for extra in (DEWESOFT, MDF, TDMS, XLSX, PARQUET, CLUSTER, PDF, DCC, OPENDAQ, SERVE)}

@@ -176,6 +176,10 @@ class ChildProcess:
         """Wait for the next answer, and return it as `take` does."""
         return take(cast("IO[bytes]", self._process.stdout), most)
 
+    def some(self, most: int) -> bytes:
+        """Wait for bytes that it prints and return them, as many as are there; none where it has ended."""
+        return cast("IO[bytes]", self._process.stdout).read1(most)  # type: ignore[attr-defined,no-any-return]
+
     def kill(self) -> None:
         """End it at once, and what it started, unless it has ended."""
         if sys.platform == "win32":

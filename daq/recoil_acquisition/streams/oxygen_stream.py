@@ -99,7 +99,7 @@ class OxygenDecoder:
     packets, lost_packets
         Numbers of packets that were read, and that are missing by their sequence numbers.
     info
-        What the last packet says of itself; None before the first.
+        Head of the last packet; None before the first.
     description
         Description that is in force; None before there is one.
     """
@@ -113,7 +113,8 @@ class OxygenDecoder:
         self._layout: tuple[Any, ...] = ()
         self._told_of: tuple[Any, ...] = ()
         self._held = bytearray()
-        self._in_step = False
+        self._in_step = self._is_wrong = False
+        self._unsaid = ""
 
     def feed(self, data: bytes) -> list[TickItem]:
         """Return what the next bytes complete, in their order; nothing that they hold raises."""
@@ -132,7 +133,7 @@ class OxygenDecoder:
     def describe(self, description: StreamDescription) -> None:
         """Take what a device said of the stream, where the stream did not say it to this decoder."""
         if self._stated is None:
-            self.description, self._layout = description, ()
+            self.description, self._layout, self._unsaid = description, (), ""
 
     def _next(self, items: list[TickItem]) -> bytes | None:
         """Return the next whole packet; None where it is not there yet."""
@@ -151,7 +152,7 @@ class OxygenDecoder:
             if self._in_step:
                 self._in_step = False
                 said = f"a packet of {size} bytes" if token == TOKEN else f"{bytes(held[:8])!r} where a packet begins"
-                items.append(StreamFault(f"{said}: the stream is damaged"))
+                items.append(StreamFault(f"{said}: the stream is damaged", is_out_of_step=True))
             place = held.find(TOKEN, 1)
             del held[: len(held) - len(TOKEN) + 1 if place < 0 else place]
         return None
@@ -160,6 +161,7 @@ class OxygenDecoder:
         """Take a packet apart."""
         items: list[TickItem] = []
         parts: list[_Part] = []
+        self._is_wrong = False
         at, view = _HEAD.size, memoryview(packet)
         while at < len(packet):
             if len(packet) - at < _PART.size:
@@ -182,30 +184,41 @@ class OxygenDecoder:
                 items.append(StreamFault(f"a part of an unknown type {kind}"))
             at += size
         self.packets += 1
-        return items + (self._samples(parts) if parts else [])
+        if self._is_wrong or not parts:
+            return items
+        return items + ([StreamFault(self._unsaid)] if self._unsaid else self._samples(parts))
 
     def _take_info(self, part: memoryview) -> list[TickItem]:
         if len(part) < _INFO.size:
             return [StreamFault("a packet that says too little of itself")]
         info, before = PacketInfo(*_INFO.unpack_from(part)), self.info
         self.info = info
-        if before is not None and before.seed == info.seed:
+        if before is not None and before.seed != info.seed:
+            self._forget(f"another configuration (seed {info.seed}), of which nothing is said")
+        elif before is not None:
             missing = (info.sequence - before.sequence - 1) & 0xFFFFFFFF
             if missing < 1 << 31:  # else it came late, or twice
                 self.lost_packets += missing
             else:
                 self.info = before if not info.status & LAST else info
-        if info.status & ERROR:
-            return [StreamFault(f"the recorder says that packet {info.sequence} is wrong (status {info.status:#x})")]
-        return []
+        self._is_wrong = bool(info.status & ERROR)
+        said = f"the recorder says that packet {info.sequence} is wrong (status {info.status:#x}): left out"
+        return [StreamFault(said)] if self._is_wrong else []
+
+    def _forget(self, problem: str) -> None:
+        """Take no sample for what the stream said before: neither scalings nor the order of its channels hold."""
+        self._stated, self.description, self._start = None, None, StreamText()
+        self._unsaid = f"{problem}: the stream is damaged"
 
     def _take_text(self, content: bytes) -> list[TickItem]:
         try:
             text = read_text(content)
         except ValueError as error:
-            return [StreamFault(" ".join(str(error).split())[:200])]
+            problem = " ".join(str(error).split())[:200]
+            self._forget(f"channels that cannot be read ({problem})")
+            return [StreamFault(problem)]
         if text.channels is not None:
-            self._stated = text.channels
+            self._stated, self._unsaid = text.channels, ""
         elif text.start_utc_ns is not None or text.time_by:
             self._start = text
         return []

@@ -83,9 +83,16 @@ class TickSamples(ReadOnlyArrays):
 
 @dataclass(frozen=True)
 class StreamFault:
-    """Part of a stream that cannot be read, or that says of itself that it is wrong; in one line."""
+    """Part of a stream that cannot be read, or that says of itself that it is wrong; in one line.
+
+    Attributes
+    ----------
+    is_out_of_step
+        Whether it is not known where the next part begins: a new connection begins at one.
+    """
 
     problem: str
+    is_out_of_step: bool = False
 
 
 TickItem = StreamDescription | TickSamples | StreamFault

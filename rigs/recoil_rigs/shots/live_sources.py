@@ -39,7 +39,7 @@ def live_sources(
         Units of signals by source and signal, of those whose devices tell them: see `told_by`. Before they are open
         the channels of these sources stand in the units that the rig states, or in SI.
     found
-        What devices say of their channels beside the units, by source: see `found_by`.
+        Channels as devices describe them, by source: see `found_by`.
 
     Raises
     ------

@@ -18,7 +18,7 @@ NO_ERROR = '0,"No error"'
 GROUP = 1
 """The one group of streams that a virtual recorder has."""
 
-_QUOTED = re.compile(r'"([^"]*)"')
+_QUOTED = re.compile(r'"((?:[^"]|"")*)"')
 _NUMBER = re.compile(r"[0-9]{1,5}")
 _ERRORS = {-108: "Parameter not allowed", -113: "Undefined header", -221: "Settings conflict"}
 
@@ -109,13 +109,13 @@ class OxygenScpi:
             "COMM:HEAD?": "ON" if self.heads else "OFF",
             "ACQU:STAT?": self.acquisition,
             "STOR:STAT?": self.storing,
-            "STOR:FILE:NAME?": f'"{self.file_name}"',
+            "STOR:FILE:NAME?": _quoted(self.file_name),
             f"DST:STAT{GROUP}?": self.state,
             f"DST:PORT{GROUP}?": str(self.port),
             f"DST:INTERVAL{GROUP}?": str(self.interval_ms),
-            f"DST:ITEM{GROUP}?": ",".join(f'"{name}"' for name in self.items) or "NONE",
+            f"DST:ITEM{GROUP}?": ",".join(map(_quoted, self.items)) or "NONE",
             "SYST:ERR:COUNT?": str(len(self.errors)),
-            "CHANNEL:NAMES?": ",".join(f'("{one.number}","{one.name}")' for one in self.channels),
+            "CHANNEL:NAMES?": ",".join(f'("{one.number}",{_quoted(one.name)})' for one in self.channels),
             "CHANNEL:IDS?": ",".join(f'"{one.number}"' for one in self.channels),
         }
         if command in plain:
@@ -156,7 +156,7 @@ class OxygenScpi:
     def _do_stream(self, command: str, rest: str) -> None:
         if command == f"ITEM{GROUP}":
             self._leave("CONFIG")
-            names = tuple(_QUOTED.findall(rest))
+            names = tuple(_texts(rest))
             known = {one.name for one in self.channels}
             # one channel that is not there, or not used, discards the whole list
             self.items = names if names and known.issuperset(names) else ()
@@ -217,7 +217,7 @@ class OxygenScpi:
 
     @staticmethod
     def _quoted(rest: str, count: int) -> list[str]:
-        found = _QUOTED.findall(rest)
+        found = _texts(rest)
         if len(found) != count:
             raise _Wrong(-108)
         return found
@@ -227,3 +227,12 @@ class OxygenScpi:
             if one.number == number:
                 return one
         raise _Wrong(-108)
+
+
+def _texts(rest: str) -> list[str]:
+    """Return the texts between quotes; a quote in one of them is doubled."""
+    return [one.replace('""', '"') for one in _QUOTED.findall(rest)]
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace('"', '""') + '"'

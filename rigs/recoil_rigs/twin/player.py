@@ -21,6 +21,7 @@ from recoil_rigs.rig import Rig, Source
 from recoil_rigs.twin import TwinShot, virtual_settings
 from recoil_rigs.twin.can_replay import CanItem, can_items
 from recoil_rigs.twin.faults import Faults, RecorderFaults
+from recoil_rigs.twin.opendaq_recorder import OpendaqRecorder
 from recoil_rigs.twin.oxygen_recorder import OxygenRecorder
 from recoil_rigs.twin.recorder_play import RecorderPlay
 from recoil_rigs.twin.recorder_replay import RecorderTape, StreamForm
@@ -29,11 +30,13 @@ from recoil_rigs.twin.source_play import SourcePlay
 from recoil_rigs.twin.timeline import Timeline
 from recoil_rigs.twin.transports import MulticastBus, PseudoTerminal, SlcanAdapter, VirtualBus
 
-TRANSPORTS = {"can": ("virtual", "slcan", "udp_multicast"), "serial": ("pty",), "dewetron": ("oxygen",)}
+TRANSPORTS = {"can": ("virtual", "slcan", "udp_multicast"), "serial": ("pty",), "dewetron": ("oxygen", "opendaq")}
 """Transports by kind of source; the first is the default."""
 
 _ONLY_WHERE_SAID = ("dewetron",)
 """Kinds of source that are played only where the rig, or who plays it, says so: a recorder's file is there anyway."""
+
+_RECORDERS = {"oxygen": OxygenRecorder, "opendaq": OpendaqRecorder}
 
 _LEAD_S = 0.05
 _NUMBERS = itertools.count()
@@ -122,7 +125,7 @@ class TwinPlayer:
         tape = RecorderTape(rig, source, shots, self.timeline, form, ppm=faults.clock_ppm, seed=seed[0])
         # what is not the play's is the client's, such as whether it starts the recording
         asked = {key: value for key, value in table.items() if key not in ("virtual", "faults", *asdict(form))}
-        recorder = OxygenRecorder(source.name, tape.content, seed[0], asked)
+        recorder = _RECORDERS[chosen](source.name, tape.content, seed[0], asked)
         return RecorderPlay(source.name, tape.items(faults.clock_steps), recorder, faults, self._stop, seed)
 
     @property

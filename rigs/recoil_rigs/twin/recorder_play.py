@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from threading import Event
 
 from recoil_rigs.twin.faults import Interval, PlayedRecorder, RecorderFaults, Ticks
+from recoil_rigs.twin.opendaq_recorder import OpendaqRecorder
 from recoil_rigs.twin.oxygen_recorder import Handling, OxygenRecorder
 from recoil_rigs.twin.recorder_replay import SampleItem
 from recoil_rigs.twin.source_play import SourcePlay
@@ -20,7 +21,7 @@ class RecorderPlay(SourcePlay):
         self,
         name: str,
         items: Iterator[SampleItem],
-        transport: OxygenRecorder,
+        transport: OxygenRecorder | OpendaqRecorder,
         faults: RecorderFaults,
         stop: Event,
         seed: Sequence[int],

@@ -88,7 +88,7 @@ def test_what_comes_twice_counts_once() -> None:
     recording = opened(*said(0), one, two, two, one, three)
     np.testing.assert_array_equal(recording.read("a"), 5.0 * np.arange(300))
     assert recording.time_base("a").step_s == 1e-3
-    assert [str(note) for note in recording.notes] == ["p, a: 200 samples came twice: the first ones count"]
+    assert [str(note) for note in recording.notes] == ["p, a: 200 samples came twice or too late: the first ones count"]
 
 
 def test_a_connection_that_is_back_goes_on_where_the_ticks_went_on() -> None:
@@ -138,3 +138,32 @@ def test_the_hosts_clock_is_anchored_at_the_ticks() -> None:
 def test_without_samples_or_a_description_one_line_says_what_is_missing(blocks: list[Block]) -> None:
     with pytest.raises(CorruptFileError, match="no sample of 'daq'"):
         opened(*blocks)
+
+
+def test_a_recorder_that_counts_anew_without_a_word_is_not_joined_to_what_it_counted_before() -> None:
+    nothing_said = replace(DESCRIPTION, start_utc_ns=None)
+    recording = opened(*said(0, nothing_said), *packets(0, 5000), *packets(0, 7000, host_ns=5000 * MS))
+    assert recording.metadata["epochs"] == 2
+    assert recording.metadata["ticks"]["p"]["runs"] == [[0, 7000]]
+    assert any("5.000 s of samples on other clocks are left out" in note for note in recording.notes)
+
+
+def test_behind_a_lost_connection_ticks_that_go_back_by_a_hair_are_counted_anew() -> None:
+    lost = [event_block("daq", 500 * MS, name, "again") for name in ("lost", "reopened")]
+    recording = opened(*said(0), *packets(0, 500), *lost, *packets(0, 900, host_ns=900 * MS))
+    assert recording.metadata["epochs"] == 2
+    assert recording.metadata["ticks"]["p"]["runs"] == [[0, 900]]
+
+
+def test_packets_that_come_twice_leave_the_anchors_on_the_hosts_clock_as_they_are() -> None:
+    once = packets(0, 3000, per=50)
+    twice = [one for pair in zip(once, once, strict=True) for one in pair]
+    found = [opened(*said(0), *each).metadata["clock_fit"] for each in (once, twice)]
+    assert found[0] == found[1]
+
+
+def test_what_came_late_is_left_out_and_said() -> None:
+    first, late, last = packets(0, 300)
+    recording = opened(*said(0), first, last, late)
+    assert recording.metadata["ticks"]["p"]["runs"] == [[0, 100], [200, 100]]
+    assert any("100 samples came twice or too late" in note for note in recording.notes)

@@ -121,3 +121,17 @@ def test_a_channel_whose_rate_nobody_said_yet_has_no_samples() -> None:
     for event in said(0, replace(DESCRIPTION, channels=tuple(replace(c, tick_rate=Fraction(0)) for c in CHANNELS))):
         one.feed(event)
     assert [one.feed(packet(number, (number + 1) * 50 * MS)) for number in range(20)] == [[]] * 20
+
+
+def test_behind_a_lost_connection_ticks_that_go_back_by_a_hair_begin_another_clock() -> None:
+    one = signals()
+    for event in said(0):
+        one.feed(event)
+    for number in range(15):
+        one.feed(packet(number, (number + 1) * 50 * MS))
+    for name in ("lost", "reopened"):
+        one.feed(event_block("daq", 750 * MS, name, "again"))
+    found = [
+        samples for number in range(20) for samples in one.feed(packet(number, 9000 * MS + (number + 1) * 50 * MS))
+    ]
+    assert found[0].times_s[0] == pytest.approx(9.5, abs=0.06)

@@ -6,12 +6,14 @@ import re
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from recoil_acquisition.capture.oxygen_signals import open_oxygen
+from recoil_acquisition.devices import oxygen_device
 from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.described import DESCRIBED
 from recoil_acquisition.devices.device import EVENT, STREAM, Block, event_of
@@ -21,6 +23,7 @@ from recoil_acquisition.errors import DeviceError
 from recoil_acquisition.readers.reader import Declarations
 from recoil_rigs.twin.oxygen_packets import WireChannel, raw_of
 from recoil_rigs.twin.oxygen_recorder import OxygenRecorder, RecorderContent
+from tests.builders.oxygen_client import Listener, OxygenClient
 from tests.builders.tick_streams import PATH, captured
 
 RATE_HZ = 10_000.0
@@ -187,7 +190,9 @@ def test_a_lost_connection_is_made_again_and_the_gap_is_known_to_the_tick(record
     blocks += read_until(device, has("lost"))
     time.sleep(0.2)
     recorder.plug()
-    blocks += read_until(device, has("reopened"))
+    back = read_until(device, has("reopened"))
+    assert not any(one.is_data for one in back), "what came of the new connection stands behind the word of it"
+    blocks += back
     blocks += [*read_until(device, for_s(0.3)), *device.close()]
     recording = open_oxygen(PATH, captured(blocks), Declarations("daq"))
     runs = recording.metadata["ticks"]["AI 1/a"]["runs"]
@@ -253,3 +258,65 @@ def test_all_that_is_said_can_be_kept(recorder: OxygenRecorder) -> None:
     )
     assert ("scpi", "host", b"*IDN?") in kept
     assert {who for link, who, _ in kept if link == "scpi"} == {"host", "recorder"}
+
+
+@pytest.mark.real_time
+def test_a_group_in_which_somebody_else_streams_is_left_alone(recorder: OxygenRecorder) -> None:
+    with OxygenClient(recorder.device) as other, Listener(other.begin(["AI 3/x"])) as heard:
+        lines = said_by(recorder)
+        with pytest.raises(DeviceError, match=r"its group 1 streams AI 3/x to somebody else: write `group = 2`"):
+            opened(recorder)
+        before = len(heard.packets)
+        time.sleep(0.2)
+        assert len(heard.packets) > before
+    assert heard.failure is None
+    assert [line for line in lines if re.match(r":DST:\w+ ?\d? ", line)] == []
+
+
+@pytest.mark.real_time
+def test_what_this_program_left_behind_is_taken_over(recorder: OxygenRecorder) -> None:
+    with OxygenClient(recorder.device) as left:
+        left.begin([*DECLARED.signals])
+    device = opened(recorder)
+    read_until(device, lambda blocks: sum(len(one.payload) for one in blocks if one.kind == STREAM) > 1000)
+    device.close()
+
+
+def test_a_name_that_two_channels_bear_is_refused() -> None:
+    same = content()
+    channels = tuple(replace(one, name="AI 1/a") if one.name == "AI 3/x" else one for one in same.channels)
+    one = OxygenRecorder("daq", replace(same, channels=channels))
+    one.plug()
+    try:
+        with pytest.raises(DeviceError, match="has 2 channels that are called 'AI 1/a': give them names of their own"):
+            opened(one)
+    finally:
+        one.unplug()
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize(
+    ("state", "said"), [("Unlicensed", r"no licence for it \(DST\)"), ("CONFIG", "which is CONFIG")]
+)
+def test_a_stream_that_falls_silent_is_asked_why(
+    recorder: OxygenRecorder, monkeypatch: pytest.MonkeyPatch, state: str, said: str
+) -> None:
+    monkeypatch.setattr(oxygen_device, "SILENT_S", 0.3)
+    device = opened(recorder)
+    read_until(device, for_s(0.1))
+    recorder.scpi.state = state  # it sends no more, and leaves the connection open
+    blocks = read_until(device, has("lost"))
+    assert re.search(said, events(blocks)[-1])
+    device.close()
+
+
+@pytest.mark.real_time
+def test_a_stream_that_waits_for_a_trigger_of_its_own_is_not_lost(
+    recorder: OxygenRecorder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(oxygen_device, "SILENT_S", 0.1)
+    device = opened(recorder)
+    recorder.begin_play(time.monotonic())  # it rests no longer, and nothing is played
+    time.sleep(0.1)
+    assert not has("lost")(read_until(device, for_s(0.6)))
+    device.close()

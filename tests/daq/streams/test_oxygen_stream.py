@@ -197,6 +197,33 @@ def test_a_new_text_is_a_new_description_and_the_same_one_again_is_none() -> Non
     assert changed.channels[0].tick_rate == 2000
 
 
+def test_under_a_new_seed_nothing_is_scaled_by_what_was_said_under_the_old_one() -> None:
+    decoder = OxygenDecoder()
+    decoder.feed(stream(2))
+    unsaid = packet(9, floats(100, [1]), floats(100, [1]), seed=8)
+    items = [*decoder.feed(unsaid), *decoder.feed(unsaid)]
+    assert (values(items, 0), decoder.description) == ([], None)
+    assert faults(items) == 2 * ["another configuration (seed 8), of which nothing is said: the stream is damaged"]
+    said = packet(10, channels(("p", "MPa", 7.0, 0.5), "a"), seed=8)
+    items = [*decoder.feed(said), *decoder.feed(packet(11, floats(101, [2]), floats(101, [3]), seed=8))]
+    assert isinstance(items[0], StreamDescription)
+    assert items[0].channels[0].factor == 7.0
+    assert (values(items, 0), faults(items)) == ([2.0], [])
+
+
+def test_the_same_said_again_under_a_new_seed_holds() -> None:
+    again = packet(9, START, channels(("p", "MPa", 2.0, 0.5), "a"), seed=8)
+    items = decoded(stream(2), again, packet(10, floats(100, [2]), floats(100, [3]), seed=8))
+    assert (values(items, 0)[-1], faults(items)) == (2.0, [])
+
+
+def test_samples_of_a_packet_that_is_wrong_by_the_recorders_own_word_are_none() -> None:
+    wrong = packet(9, floats(100, [7]), floats(100, [7]), status=0x10000000)
+    items = decoded(stream(2), wrong, packet(10, floats(101, [8]), floats(101, [8])))
+    assert values(items, 0) == [*range(100), 8]
+    assert faults(items) == ["the recorder says that packet 9 is wrong (status 0x10000000): left out"]
+
+
 def test_data_before_the_text_are_not_taken_for_what_the_text_says() -> None:
     items = decoded(packet(0, floats(0, [1]), floats(0, [1])), HEAD, packet(1, floats(1, [2]), floats(1, [2])))
     assert [type(one).__name__ for one in items] == ["TickSamples", "TickSamples", "StreamDescription", "TickSamples",
@@ -226,11 +253,8 @@ def test_lost_packets_are_counted_and_late_ones_are_none() -> None:
         (packet(9, sync(0, bytes(7), 2), floats(0, [1])), "7 bytes, where 2 samples have 8"),
         (packet(9, sync(1 << 63, bytes(4), 1), floats(0, [1])), "tick 9223372036854775808"),
         (packet(9, sync(0, bytes(4), 1, dimension=0), floats(0, [1])), "0 numbers a sample"),
-        (packet(9, text("<ChannelInfo>"),), "no XML"),
-        (packet(9, text('<!DOCTYPE x [<!ENTITY a "b">]><ChannelInfo/>')), "entities"),
-        (packet(9, part(2, b"\xff\xfe")), "utf-8"),
-        (packet(9, channels(("p", "V", float("nan"), 0.0))), "a scaling of 'p'"),
         (packet(9, status=0x10000002), "says that packet 9 is wrong"),
+        (packet(3, status=0x10000000), "says that packet 3 is wrong"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_one_line_and_the_next_packet_is_read(damage: bytes, problem: str) -> None:
@@ -238,6 +262,25 @@ def test_what_is_wrong_is_one_line_and_the_next_packet_is_read(damage: bytes, pr
     assert any(problem in one for one in faults(items)), faults(items)
     assert all("\n" not in one for one in faults(items))
     assert values(items, 0)[-1] == 8
+
+
+@pytest.mark.parametrize(
+    ("damage", "problem"),
+    [
+        (packet(9, text("<ChannelInfo>"),), "no XML"),
+        (packet(9, text('<!DOCTYPE x [<!ENTITY a "b">]><ChannelInfo/>')), "entities"),
+        (packet(9, part(2, b"\xff\xfe")), "utf-8"),
+        (packet(9, channels(("p", "V", float("nan"), 0.0))), "a scaling of 'p'"),
+    ],
+)  # fmt: skip
+def test_behind_a_text_that_cannot_be_read_nothing_is_scaled_by_the_one_before(damage: bytes, problem: str) -> None:
+    more = packet(10, floats(100, [7]), floats(100, [7]))
+    items = decoded(stream(2), damage, more, HEAD, packet(11, floats(101, [8]), floats(101, [8])))
+    assert values(items, 0) == [*range(100), 8]
+    said, then = faults(items)
+    assert problem in said
+    assert then.startswith("channels that cannot be read (")
+    assert then.endswith("the stream is damaged")
 
 
 def test_a_text_may_end_in_zeros_and_say_less() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -79,25 +80,17 @@ def test_text_that_is_none_is_kept_as_bytes(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-def test_a_file_that_is_there_is_replaced_only_when_asked(tmp_path: Path) -> None:
-    path = tmp_path / "contact.jsonl"
-    path.write_text("mine")
-    with pytest.raises(StoreError, match="the file exists already"), FirstContact(path):
-        pass
-    assert path.read_text() == "mine"
-    with FirstContact(path, overwrite=True) as contact:
+def spoilt(path: Path, write: Callable[[FirstContact], None]) -> None:
+    with FirstContact(path) as contact:
         contact.begin("own", "daq")
-    assert "first-contact" in path.read_text()
-    assert [*tmp_path.iterdir()] == [path]
+        write(contact)
 
 
-def test_nothing_is_left_of_a_file_that_is_not_whole(tmp_path: Path) -> None:
-    path = tmp_path / "contact.jsonl"
-    with pytest.raises(KeyboardInterrupt), FirstContact(path) as contact:
-        contact.begin("own", "daq")
-        raise KeyboardInterrupt
-    assert [*tmp_path.iterdir()] == []
+def interrupted(_: FirstContact) -> None:
+    raise KeyboardInterrupt
 
+
+def on_a_full_disk(contact: FirstContact) -> None:
     class Full:
         def write(self, _: str) -> None:
             raise OSError(errno.ENOSPC, "No space left on device")
@@ -105,21 +98,41 @@ def test_nothing_is_left_of_a_file_that_is_not_whole(tmp_path: Path) -> None:
         def close(self) -> None:
             pass
 
-    with pytest.raises(StoreError, match="cannot be written: No space left on device"), FirstContact(path) as contact:
-        assert contact._stream is not None
-        contact._stream.close()
-        contact._stream = Full()  # type: ignore[assignment]
-        contact.heard("stream", "recorder", b"1")
-        contact.heard("stream", "recorder", b"2")
-    assert [*tmp_path.iterdir()] == []
-    with pytest.raises(StoreError, match="cannot be written"), FirstContact(tmp_path / "none" / "contact.jsonl"):
-        pass
+    assert contact._stream is not None
+    contact._stream.close()
+    contact._stream = Full()  # type: ignore[assignment]
+    contact.heard("stream", "recorder", b"1")
+    contact.heard("stream", "recorder", b"2")
+
+
+def test_a_file_that_is_there_is_replaced_only_when_asked(tmp_path: Path) -> None:
+    path = tmp_path / "contact.jsonl"
+    path.write_text("mine")
+    with pytest.raises(StoreError, match="the file exists already"):
+        spoilt(path, interrupted)
+    assert path.read_text() == "mine"
+    with FirstContact(path, overwrite=True) as contact:
+        contact.begin("own", "daq")
+    assert "first-contact" in path.read_text()
+    assert [*tmp_path.iterdir()] == [path]
+
+
+def test_what_was_said_before_an_interruption_is_kept_and_a_file_that_lacks_something_is_none(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        spoilt(tmp_path / "contact.jsonl", interrupted)
+    assert ReadContact.read(tmp_path / "contact.jsonl").lines == ()
+    with pytest.raises(StoreError, match="cannot be written: No space left on device"):
+        spoilt(tmp_path / "full.jsonl", on_a_full_disk)
+    with pytest.raises(StoreError, match="cannot be written"):
+        spoilt(tmp_path / "none" / "contact.jsonl", interrupted)
+    assert [*tmp_path.iterdir()] == [tmp_path / "contact.jsonl"]
 
 
 @pytest.mark.whole_way
 def test_a_rig_without_a_recorder_has_nothing_to_keep(tmp_path: Path) -> None:
     path = tmp_path / "contact.jsonl"
-    with pytest.raises(DeviceError, match="has no recorders whose commands"), FirstContact(path) as contact:
+    contact = FirstContact(path)
+    with contact, pytest.raises(DeviceError, match="has no recorders whose commands"):
         check_devices(load_rig("mixed"), listen_s=0.1, keep=contact)
     assert [*tmp_path.iterdir()] == []
     result = CliRunner().invoke(app, ["check", "mixed", "--keep", str(path)])

@@ -17,6 +17,7 @@ from recoil_acquisition.packages.extras import (
     EXTRAS,
     MDF,
     NOTEBOOK,
+    OPENDAQ,
     PDF,
     SERVE,
     SIGN,
@@ -65,7 +66,7 @@ def test_formats_lists_every_reader_with_what_it_needs(run):
 
 def test_every_extra_is_a_reader_s_or_a_command_s_and_pip_knows_it():
     needed = {reader.extra for reader in READERS if isinstance(reader, TableReader) and reader.extra is not None}
-    assert set(EXTRAS.values()) == {*needed, MDF, CLUSTER, PDF, DCC, SERVE}, (
+    assert set(EXTRAS.values()) == {*needed, MDF, CLUSTER, PDF, DCC, OPENDAQ, SERVE}, (
         "MDF 4 is written by its library, and read without it"
     )
     project = tomllib.loads((Path(__file__).resolve().parents[3] / "pyproject.toml").read_text("utf-8"))["project"]

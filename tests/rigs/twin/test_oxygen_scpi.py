@@ -77,6 +77,13 @@ def test_channels_and_their_properties_are_told(scpi: OxygenScpi) -> None:
     assert scpi.answer(":CHANNEL:ITEM2:ATTR:NAMES?") == '"SampleRate","Used"'
 
 
+def test_a_quote_in_a_name_is_doubled_both_ways(calls: Calls) -> None:
+    scpi = OxygenScpi([ScpiChannel("1", 'AI "1"', PROPERTIES)], calls, heads=False)
+    assert scpi.answer(":CHANNEL:NAMES?") == '("1","AI ""1""")'
+    assert all_of(scpi, ':DST:ITEM1 "AI ""1"""', ":DST:ITEM1?", ":SYST:ERR:COUNT?") == [None, '"AI ""1"""', "0"]
+    assert scpi.items == ('AI "1"',)
+
+
 def test_what_is_wrong_has_no_reply_and_stands_in_the_queue(scpi: OxygenScpi, calls: Calls) -> None:
     calls.opens = False
     wrong = [
