@@ -38,6 +38,8 @@ COMPARED = "compare with the preview"
 """Operation in a shot's history, whose parameters are the figures of the comparison."""
 MOST_COMPARED = 1 << 24
 """Samples of a file that are compared as a whole; of more the part about the shot is, where it was cut out."""
+FINE_NS = 10**6
+"""Digits of a start, ns, to which two that agree are one, and not two of the same second."""
 OTHER_RATE = 1e-3
 """Share by which the rates of preview and file may differ: they are one instrument's."""
 
@@ -228,7 +230,7 @@ def _ought(bases: tuple[TimeBase, TimeBase, str] | None) -> tuple[int | None, in
         return None, 0
     apart_ns, digits_ns = starts[0][0] - starts[1][0], max(starts[0][1], starts[1][1])
     seconds = round(apart_ns / 1e9)
-    same = abs(apart_ns - seconds * 10**9) < digits_ns
+    same = abs(apart_ns - seconds * 10**9) < digits_ns <= FINE_NS
     rate_hz = bases[1].rate_hz
     later_s = (float(seconds) if same else apart_ns / 1e9) + bases[0].start_s - bases[1].start_s
     return round(later_s * rate_hz), 0 if same else int(0.5e-9 * digits_ns * rate_hz)

@@ -61,7 +61,7 @@ _FIRST_PAUSE_S, _LONGEST_PAUSE_S, _GROWTH = 0.2, 2.0, 1.5
 
 
 class _Out:
-    """What is handed to the parent, by a thread: a parent that does not read holds nothing up."""
+    """Packets on their way to the parent, written by a thread: a parent that does not read holds nothing up."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor

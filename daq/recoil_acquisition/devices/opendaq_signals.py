@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from fractions import Fraction
 from itertools import pairwise
@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.numerics.arrays import Array
+from recoil_acquisition.numerics.read_only import ReadOnlyArrays
 from recoil_acquisition.streams.tick_stream import StreamDescription, TickChannel
 
 MOST_SAMPLES = 8000
@@ -32,15 +33,15 @@ _SECOND = "s"
 
 
 class SignalsChangedError(Exception):
-    """What is read is another thing by now: the device is to be connected anew."""
+    """Error that says that the signals are others by now, so that the device is to be connected anew."""
 
 
 class _UnusableError(Exception):
     """Signal that is no row of numbers over time; its text says why."""
 
 
-@dataclass
-class Run:
+@dataclass(frozen=True, eq=False)
+class Run(ReadOnlyArrays):
     """Samples of one channel that follow each other without a gap.
 
     Attributes
@@ -57,14 +58,14 @@ class Run:
     is_of_another_grid: bool
 
 
-@dataclass
+@dataclass(frozen=True)
 class Changed:
     """Statement of a channel's that changed: what follows is of the new one."""
 
     channel: TickChannel
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Form:
     """How a signal's values and ticks come, by its descriptors."""
 
@@ -171,7 +172,7 @@ class SignalReader:
             yield Changed(new.channel)
 
 
-@dataclass
+@dataclass(frozen=True)
 class DeviceSignals:
     """Signals of one device, and what is left out of them.
 
@@ -181,9 +182,9 @@ class DeviceSignals:
         Reason for each signal that is no row of numbers over time, in one line.
     """
 
-    readers: list[SignalReader] = field(default_factory=list)
+    readers: tuple[SignalReader, ...] = ()
     ids: tuple[str, ...] = ()
-    left_out: list[str] = field(default_factory=list)
+    left_out: tuple[str, ...] = ()
 
     def described(self, time_by: str) -> StreamDescription:
         """Return the description of all.
@@ -213,17 +214,18 @@ def signals_of_device(daq: Any, device: Any, wanted: Collection[str]) -> DeviceS
     signals = [one for one in device.signals_recursive if one.public and one.domain_signal is not None]
     if not signals or any(one.descriptor is None or one.domain_signal.descriptor is None for one in signals):
         return None
-    found = DeviceSignals(ids=signal_ids(device))
+    readers: list[SignalReader] = []
+    left_out: list[str] = []
     names = _names(signals)
     left = set(wanted) if wanted and set(wanted) <= set(names) else set(names)
     for name, signal in zip(names, signals, strict=True):
         if name not in left:
             continue
         try:
-            found.readers.append(SignalReader(daq, signal, name))
+            readers.append(SignalReader(daq, signal, name))
         except _UnusableError as error:
-            found.left_out.append(f"signal '{name}' is left out: {error}")
-    return found
+            left_out.append(f"signal '{name}' is left out: {error}")
+    return DeviceSignals(tuple(readers), signal_ids(device), tuple(left_out))
 
 
 def signal_ids(device: Any) -> tuple[str, ...]:

@@ -42,7 +42,7 @@ class OpendaqRecorder:
     Parameters
     ----------
     asked
-        What its ``device`` table has beside its address.
+        Keys of its ``device`` table beside its address.
 
     Attributes
     ----------
@@ -176,7 +176,7 @@ class OpendaqRecorder:
         ----------
         raw : ndarray of uint8, shape (n_channels, n_samples, n_bytes)
         handling
-            How; the bytes are cut by the library as it likes.
+            Way in which it goes out; the library cuts the bytes as it likes.
         """
         with self._lock:
             if self._rests_to is not None:

@@ -74,7 +74,7 @@ def test_the_instant_of_tick_0_is_stated_or_unknown(origin, scale, ahead, start_
 def test_what_is_no_row_of_numbers_is_left_out_by_name(described, counted, why):
     _, found = read_by(signal("good"), signal("odd", described, counted))
     assert [one.channel.name for one in found.readers] == ["good"]
-    assert found.left_out == [f"signal 'odd' is left out: {why}"]
+    assert found.left_out == (f"signal 'odd' is left out: {why}",)
 
 
 def test_a_signal_that_is_wanted_is_read_alone_and_all_are_where_one_is_not_there():
