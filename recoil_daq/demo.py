@@ -49,7 +49,7 @@ CAMPAIGN_DEMO_FILES = (
     r"answer/(reports/)?plotly\.min\.js",
 )
 LIVE_DEMO_FILES = (
-    rf"\d{{4}}\.h5|live\.(json|js|html)|zoom\.html|pages/\w+\.(js|css)|{LOG_FILES}",
+    rf"\d{{4}}\.h5|rig\.toml|mixed\.dbc|live\.(json|js|html)|zoom\.html|pages/\w+\.(js|css)|{LOG_FILES}",
     r"overviews/(index\.js|\d{4}/(overview|filtered|\d{3})\.js)",
     r"captures/\d{4}\.rdlog",
     r"incoming/\d{4}_(camera|dewetron)\.csv",
@@ -220,12 +220,15 @@ class LiveDemonstration:
         print_live_demo(self.to_json())
 
 
-def live_demo_rig() -> Rig:
-    """Return the rig of the demonstrated range day: its recorder streams what its file will hold."""
+def live_demo_rig(folder: Path) -> Rig:
+    """Write the rig of the demonstrated range day, whose recorder streams what its file will hold, and return it."""
     whole = load_rig(DEMO_RIG)
     files = 'match = "*_dewetron.csv"'
     streaming = whole.text.replace(files, f'device = {{ virtual = "oxygen" }}\n{files}')
-    return parse_rig(streaming, whole.path, whole.databases)
+    folder.mkdir(parents=True)
+    for name, text in {"rig.toml": streaming, **whole.databases}.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return parse_rig(streaming, folder / "rig.toml", whole.databases)
 
 
 def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool = False) -> LiveDemonstration:
@@ -234,7 +237,7 @@ def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool
     Parameters
     ----------
     out
-        Folder that gets ``live`` with shot files, captures, dropped files and ``reports``.
+        Folder that gets ``live`` with the rig, shot files, captures, dropped files and ``reports``.
     overwrite
         Whether an earlier range day there is removed.
 
@@ -250,7 +253,7 @@ def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool
     days: list[RangeDay] = []
     options = LiveOptions(out=folder, shots=LIVE_DEMO_SHOTS, identify=True)
     outcome = run_live(
-        live_demo_rig(),
+        live_demo_rig(folder),
         options,
         display,
         play={"seed": seed, "silence_before_s": LIVE_DEMO_SILENCE_S},

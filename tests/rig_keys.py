@@ -70,6 +70,13 @@ DEVICE_OF_PORT = {
     "dsrdtr": ("true or false", "`false`", "handshake by DSR and DTR"),
     "low_latency": ("true or false", "`true`", "false leaves the driver's latency as it is"),
 }
+DEVICE_OF_OXYGEN = {
+    "oxygen": ("text", "", "address of OXYGEN's remote control: `HOST` or `HOST:PORT`, 10001 if left out"),
+    "stream_port": ("whole number", "`10003`", "port of the data stream that OXYGEN is to open for this program"),
+    "group": ("whole number", "`1`", "number of the data stream's group, of which nobody else makes use"),
+    "acquisition": ("true or false", "`false`", "whether OXYGEN's acquisition is started where it stands still"),
+    "storing": ("true or false", "`false`", "whether OXYGEN's own recording is started, and stopped at the end"),
+}
 DEVICE_OF_OPENDAQ = {
     "opendaq": (
         "text",
@@ -105,6 +112,7 @@ def page() -> str:
         section("`time` of a source", _text(rig.AbsoluteTime), rows_of(rig.AbsoluteTime)),
         section("`device` of a can source", "", [(key, *row) for key, row in DEVICE_OF_BUS.items()]),
         section("`device` of a serial source", "", [(key, *row) for key, row in DEVICE_OF_PORT.items()]),
+        section("`device` of an OXYGEN recorder", "", [(key, *row) for key, row in DEVICE_OF_OXYGEN.items()]),
         section("`device` of an openDAQ recorder", "", [(key, *row) for key, row in DEVICE_OF_OPENDAQ.items()]),
         section("`[source.layout]` of a recorder", "A table of text that does not say so itself.", rows_of(TextLayout)),
         section("`[source.layout]` of a camera", "A table of tracks.", rows_of(TrackLayout)),

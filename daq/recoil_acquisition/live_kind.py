@@ -105,7 +105,7 @@ _OWN = (
         device="recoil_acquisition.devices.oxygen_device:oxygen_device",
         signals="recoil_acquisition.capture.oxygen_signals:oxygen_signals",
         capture="recoil_acquisition.capture.oxygen_signals:open_oxygen",
-        counted="bytes", example='{ oxygen = "192.0.2.10" }', decodes_all=True, tells_signals=True, is_preview=True,
+        counted="bytes", example='{ oxygen = "192.0.2.10" }', tells_signals=True, is_preview=True,
         keeps_talk=True,
     ),
     LiveKind(
@@ -113,7 +113,7 @@ _OWN = (
         device="recoil_acquisition.devices.opendaq_device:opendaq_device",
         signals="recoil_acquisition.capture.opendaq_ticks:opendaq_signals",
         capture="recoil_acquisition.capture.opendaq_ticks:open_opendaq",
-        counted="samples", example='{ opendaq = "daq.nd://192.0.2.20" }', decodes_all=True, tells_signals=True,
+        counted="samples", example='{ opendaq = "daq.nd://192.0.2.20" }', tells_signals=True,
         is_preview=True,
     ),
 )  # fmt: skip

@@ -38,6 +38,8 @@ COMPARED = "compare with the preview"
 """Operation in a shot's history, whose parameters are the figures of the comparison."""
 MOST_COMPARED = 1 << 24
 """Samples of a file that are compared as a whole; of more the part about the shot is, where it was cut out."""
+FINE_NS = 10**6
+"""Digits of a start, ns, to which two that agree are one, and not two of the same second."""
 OTHER_RATE = 1e-3
 """Share by which the rates of preview and file may differ: they are one instrument's."""
 
@@ -228,7 +230,7 @@ def _ought(bases: tuple[TimeBase, TimeBase, str] | None) -> tuple[int | None, in
         return None, 0
     apart_ns, digits_ns = starts[0][0] - starts[1][0], max(starts[0][1], starts[1][1])
     seconds = round(apart_ns / 1e9)
-    same = abs(apart_ns - seconds * 10**9) < digits_ns
+    same = abs(apart_ns - seconds * 10**9) < digits_ns <= FINE_NS
     rate_hz = bases[1].rate_hz
     later_s = (float(seconds) if same else apart_ns / 1e9) + bases[0].start_s - bases[1].start_s
     return round(later_s * rate_hz), 0 if same else int(0.5e-9 * digits_ns * rate_hz)
@@ -250,17 +252,19 @@ def _checks(
     equal = [name for name, one in compared.items() if one.proven_equal]
     gaps = {name: _gaps(one, bases[name][1]) for name, one in compared.items()}
     shared = Counter(gaps.values()).most_common(1)[0][0]
+    where = "in each channel" if len({*gaps.values()}) == 1 else "in most channels"
+    alike = f"; {where} {shared.removeprefix('; ')}" if shared else ""
     own = {name: _values(one, *bases[name][1:]) for name, one in compared.items()}
     own |= {name: own[name] + (mine or "; nothing of it is missing") for name, mine in gaps.items() if mine != shared}
     samples, same = (sum(getattr(one, key) for one in compared.values()) for key in ("compared", "equal"))
     channels = _count(len(compared), "channel")
     if len(equal) == len(found):
         rules = " and ".join(dict.fromkeys(one.rule for one in compared.values()))
-        told = f"the preview is proven equal to {file}: {samples} samples of {channels}, {rules}{shared}"
+        told = f"the preview is proven equal to {file}: {samples} samples of {channels}, {rules}{alike}"
         return [*checks, QualityCheck(source, Check.PREVIEW_COMPARED, "ok", f"{told}; {_laid(compared, timed)}")]
     told = f"of {samples} samples of {channels} compared with the preview {same} are equal"
     proven = f"{len(equal) or 'none'} of {channels} {'is' if len(equal) < 2 else 'are'} proven equal"
-    told += f"; {proven}{shared}; {file} counts; {_laid(compared, timed)}"
+    told += f"; {proven}{alike}; {file} counts; {_laid(compared, timed)}"
     checks.append(QualityCheck(source, Check.PREVIEW_COMPARED, "warn", told))
     for name, text in own.items():
         if text:
@@ -295,7 +299,7 @@ def _gaps(one: SampleComparison, base: TimeBase) -> str:
     if one.missing_in_file:
         parts.append(f"{_count(one.missing_in_file, 'sample')} of the preview missing in the file")
     if one.beyond:
-        parts.append(f"{_count(one.beyond, 'sample')} of it beyond the ends of the file")
+        parts.append(f"{_count(one.beyond, 'sample')} beyond the ends of the file")
     return "".join(f"; {part}" for part in parts)
 
 

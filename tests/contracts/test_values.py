@@ -15,7 +15,7 @@ GROWING = {
     "recoil_acquisition": {"Cells", "Cut", "FrameCounters", "Tally"},
     "recoil_processing": set(),
     "recoil_identification": set(),
-    "recoil_rigs": {"Played", "Scene"},
+    "recoil_rigs": {"Played", "PlayedRecorder", "Scene", "Ticks"},
     "recoil_daq": {"LiveOutcome", "LiveShot", "Unmatched", "WarmWork"},
 }
 """By package, what counts or gathers while something runs."""

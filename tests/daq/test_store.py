@@ -421,18 +421,6 @@ def test_shots_that_were_acquired_otherwise_differ(change: dict[str, Any], says:
     assert first_difference(shot, replace(shot, **change)) == says
 
 
-TICKS = {"rate_hz": 200e3, "tick_anchors": [{"tick": 7, "host_ns": 10**15, "u_ns": 300}]}
-
-
-def test_the_ticks_of_a_recorder_are_kept_with_their_anchors(tmp_path: Path) -> None:
-    shot = replace(make_shot(), clock_fits={"daq": TICKS, "can": CLOCK_FIT})
-    write_shot(shot, tmp_path / "s.h5")
-    assert read_shot(tmp_path / "s.h5").clock_fits == shot.clock_fits
-    wrong = {**TICKS, "tick_anchors": [{"tick": "7", "host_ns": 0, "u_ns": 1}]}
-    with pytest.raises(StoreError, match="the clock fit of 'daq' is none"):
-        write_shot(replace(shot, clock_fits={"daq": wrong}), tmp_path / "wrong.h5")
-
-
 def test_a_damaged_record_of_the_acquisition_is_a_damaged_file(written: Path) -> None:
     with h5py.File(written, "a") as file:
         note = file["entry/acquisition"]

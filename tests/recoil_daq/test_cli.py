@@ -539,6 +539,10 @@ def test_a_demonstrated_range_day_identifies_the_mass_of_every_shot(run, tmp_pat
     assert "identify shot" not in result.stderr
     assert len(re.findall(r"\d{4} mass \d+\.\d+ kg, 95 % ", result.stderr)) == len(document["reports"])
     assert "trigger (p_brake at" in result.stderr
+    # its recorder was read live, and its file replaced that
+    assert "preview" in result.stderr
+    assert document["played"]["sources"]["dewetron"]["sent_ticks"]["stretches"]
+    assert "was changed since it was armed" not in result.stderr
     assert "USABLE" in result.stderr
     again = run("demo", "--live", "--out", tmp_path)
     assert again.exit_code == 3

@@ -280,7 +280,11 @@ class _Look:
 
     def at(self, block: Block, now_s: float) -> list[LiveSamples]:
         samples = [] if self._needed is None else self._needed.feed(block)
-        if self._rest is None or not (self._looking or now_s - self._looked_s >= LOOK_EVERY_S):
+        if self._rest is None:
+            return samples
+        if block.kind == EVENT:  # what a device says of itself holds for what is looked at later, too
+            return samples + self._rest.feed(block)
+        if not (self._looking or now_s - self._looked_s >= LOOK_EVERY_S):
             return samples
         if not self._looking:
             self._rest.skip()

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.devices.declarations import DeviceDeclarations
@@ -31,6 +32,8 @@ SILENT_S = 2.0
 """Time without any data after which the recorder is asked whether it streams still."""
 RECEIVE_BUFFER = 8 << 20
 """Bytes asked for as the connection's queue: half a second of 16 channels of 200 kHz, and more."""
+_LARGEST_BUFFER = Path("/proc/sys/net/core/rmem_max")
+"""Largest size of such a queue that Linux lets be set, bytes: 212992 on most machines, and it takes 6 MB by itself."""
 _KEYS = ("oxygen", "stream_port", "group", "acquisition", "storing")
 _TOLD_EVERY_S = 1.0
 _OVERHEAD = 1.1
@@ -123,8 +126,7 @@ class OxygenDevice(ReopenedDevice):
         except OSError as error:
             why = error.strerror or str(error)
             raise RecorderError(f"its data stream at port {address[1]} is not there: {why}") from error
-        with suppress(OSError):
-            self._driver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        _widen(self._driver)
         self._lost_packets += self._decoder.lost_packets
         self._decoder, self._unread = OxygenDecoder(), deque()
         control.start()
@@ -271,6 +273,17 @@ class OxygenDevice(ReopenedDevice):
         if self._untold and host_ns - self._told_ns > 1e9 * _TOLD_EVERY_S:
             self._tell("unreadable", f"{self._untold} parts of the stream: {self._problem}")
             self._untold, self._told_ns = 0, host_ns
+
+
+def _widen(one: socket.socket) -> None:
+    """Have the system hold more of a stream that is not read for a while; nothing is raised.
+
+    A buffer whose size is set is never widened by the system itself: one that allows less than it would take then is
+    left to do so.
+    """
+    with suppress(OSError, ValueError):
+        if not _LARGEST_BUFFER.exists() or int(_LARGEST_BUFFER.read_bytes()) >= RECEIVE_BUFFER // 4:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
 
 
 def _changes(before: StreamDescription, now: StreamDescription) -> str:

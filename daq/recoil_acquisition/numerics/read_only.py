@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,13 +19,18 @@ class ReadOnlyArrays:
     """
 
     def __post_init__(self: DataclassInstance) -> None:
-        for field in fields(self):
-            value: Any = getattr(self, field.name)
+        for name in _names(type(self)):
+            value: Any = getattr(self, name)
             # what is more than a dictionary keeps its own kind
             if type(value) is dict and any(isinstance(one, np.ndarray) for one in value.values()):
-                object.__setattr__(self, field.name, {key: _read_only(one) for key, one in value.items()})
-            elif _read_only(value) is not value:
-                object.__setattr__(self, field.name, _read_only(value))
+                object.__setattr__(self, name, {key: _read_only(one) for key, one in value.items()})
+            elif (view := _read_only(value)) is not value:
+                object.__setattr__(self, name, view)
+
+
+@cache
+def _names(kind: type[DataclassInstance]) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(kind))
 
 
 def _read_only(value: Any) -> Any:

@@ -176,9 +176,8 @@ def read_clock_fits(entry: Any) -> dict[str, Any]:
     notes = sorted((_own(entry, "clock_fits") or {}).values(), key=lambda note: int(note.attrs["order"]))
     fits = {read_text(note, "clock"): _json(note, "data") for note in notes}
     for clock, fit in fits.items():
-        if TICK_ANCHORS in fit:
-            numbers = [fit["rate_hz"]]
-            numbers += [one[key] for one in fit[TICK_ANCHORS] for key in ("tick", "host_ns", "u_ns")]
+        if TICK_ANCHORS in fit:  # an instrument's own count of its samples, which is no fit
+            numbers = [fit["rate_hz"]] + [one[key] for one in fit[TICK_ANCHORS] for key in ("tick", "host_ns", "u_ns")]
         else:
             numbers = [fit[key] for key in ("drift", "u_offset_s", "typical_delay_s", "largest_delay_s")]
             numbers += [step["step_s"] for step in fit["steps"]] + ([] if fit["u_drift"] is None else [fit["u_drift"]])

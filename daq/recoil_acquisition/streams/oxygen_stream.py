@@ -26,6 +26,7 @@ import math
 import struct
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -145,7 +146,8 @@ class OxygenDecoder:
             if begins:
                 if len(held) < size:
                     return None
-                packet = bytes(held[:size])
+                with memoryview(held) as whole:
+                    packet = bytes(whole[:size])
                 del held[:size]
                 self._in_step = True
                 return packet
@@ -186,7 +188,7 @@ class OxygenDecoder:
         self.packets += 1
         if self._is_wrong or not parts:
             return items
-        return items + ([StreamFault(self._unsaid)] if self._unsaid else self._samples(parts))
+        return items + ([StreamFault(self._unsaid, is_out_of_step=True)] if self._unsaid else self._samples(parts))
 
     def _take_info(self, part: memoryview) -> list[TickItem]:
         if len(part) < _INFO.size:
@@ -208,7 +210,7 @@ class OxygenDecoder:
     def _forget(self, problem: str) -> None:
         """Take no sample for what the stream said before: neither scalings nor the order of its channels hold."""
         self._stated, self.description, self._start = None, None, StreamText()
-        self._unsaid = f"{problem}: the stream is damaged"
+        self._unsaid = f"{problem}: left out"
 
     def _take_text(self, content: bytes) -> list[TickItem]:
         try:
@@ -321,7 +323,7 @@ def _part_of(packet: bytes, begins: int, ends: int, kind: int) -> _Part:
     if count * row != ends - at:
         raise ValueError(f"{ends - at} bytes, where {count} samples have {count * row}")
     columns = _columns(packet, at + ahead, count, width, row, form)
-    rate = Fraction(rate_hz)
+    rate = _exactly(rate_hz)
     if kind == 3:
         if first[0] >= _MOST_TICK:
             raise ValueError(f"tick {first[0]}")
@@ -330,6 +332,12 @@ def _part_of(packet: bytes, begins: int, ends: int, kind: int) -> _Part:
     if count and int(ticks.max()) >= _MOST_TICK:
         raise ValueError(f"tick {int(ticks.max())}")
     return _Part(rate, columns, bool(is_complex), int(ticks[0]) if count else 0, ticks.astype(np.int64))
+
+
+@lru_cache
+def _exactly(rate_hz: float) -> Fraction:
+    """Return a rate exactly, the same object for the same rate: comparing two of them costs nothing then."""
+    return Fraction(rate_hz)
 
 
 def _columns(packet: bytes, at: int, count: int, width: int, row: int, form: str) -> NDArray[Any]:

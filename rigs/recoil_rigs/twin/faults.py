@@ -43,7 +43,7 @@ class ClockStep:
 
 
 ChangeKind = Literal["channels", "unit", "factor"]
-"""What a recorder changes while it streams: its last channel goes, or its first one gets another unit or factor."""
+"""Kind of a change while a recorder streams: its last channel goes, or its first one gets another unit or factor."""
 
 
 @dataclass(frozen=True)

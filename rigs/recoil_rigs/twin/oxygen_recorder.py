@@ -44,7 +44,7 @@ _CUT_PAUSE_S = 2e-4
 
 @dataclass(frozen=True)
 class RecorderContent:
-    """What a virtual recorder has: its channels, and how they rest.
+    """Channels of a virtual recorder, and their samples at rest.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class RecorderContent:
 
 @dataclass
 class _Streaming:
-    """What is sent on one start of the group: which channels as what, and how many packets so far."""
+    """Stream of one start of the group: its channels by their places, and the number of packets so far."""
 
     seed: int
     channels: dict[int, WireChannel]
@@ -85,7 +85,7 @@ class _Streaming:
 
 @dataclass(frozen=True)
 class Handling:
-    """How a packet goes out, where not as it should.
+    """Handling of a packet that does not go out as it should.
 
     Attributes
     ----------

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 IDENTITY = "DEWETRON,OXYGEN,VIRTUAL,7.1.0"
@@ -24,7 +24,7 @@ _ERRORS = {-108: "Parameter not allowed", -113: "Undefined header", -221: "Setti
 
 
 class Stream(Protocol):
-    """What the commands about the stream act on."""
+    """Stream that commands act on."""
 
     def listen(self, port: int) -> bool:
         """Open the stream's port; whether that worked."""
@@ -52,35 +52,37 @@ class _Wrong(Exception):  # noqa: N818 - it is what a command is
     """A command that goes to the queue of errors, by its number."""
 
 
-@dataclass
 class OxygenScpi:
     """State of a recorder as its commands change it.
 
-    Attributes
+    Parameters
     ----------
     channels
         All channels of the recorder.
+    stream
+        Stream that the commands act on.
+    heads
+        Whether replies repeat their commands, until that is switched off.
+
+    Attributes
+    ----------
     state
         State of the group: ``INVALID``, ``CONFIG``, ``INITIALIZED``, ``RUNNING``, ``ERROR`` or ``Unlicensed``.
     acquisition, storing
-        States of both: ``Started``, ``Stopped``, ``Waiting_for_sync``, ``Paused``.
+        State of either: ``Started``, ``Stopped``, ``Waiting_for_sync``, ``Paused``.
     markers, headers
-        What was added to its file.
+        Additions to its file, as they were sent.
     """
 
-    channels: Sequence[ScpiChannel]
-    stream: Stream
-    state: str = "INVALID"
-    acquisition: str = "Started"
-    storing: str = "Stopped"
-    file_name: str = ""
-    items: tuple[str, ...] = ()
-    port: int = 0
-    interval_ms: int = 0
-    heads: bool = True
-    markers: list[str] = field(default_factory=list)
-    headers: list[str] = field(default_factory=list)
-    errors: deque[str] = field(default_factory=deque)
+    def __init__(self, channels: Sequence[ScpiChannel], stream: Stream, *, heads: bool = True) -> None:
+        self.channels, self.stream, self.heads = channels, stream, heads
+        self.state, self.acquisition, self.storing = "INVALID", "Started", "Stopped"
+        self.file_name = ""
+        self.items: tuple[str, ...] = ()
+        self.port = self.interval_ms = 0
+        self.markers: list[str] = []
+        self.headers: list[str] = []
+        self.errors: deque[str] = deque()
 
     def answer(self, line: str) -> str | None:
         """Do what a line says; return the reply, None where there is none."""

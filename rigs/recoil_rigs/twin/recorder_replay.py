@@ -1,8 +1,8 @@
 """The samples of a virtual recorder over a whole play: shots as its files hold them, and noise at rest between.
 
-What is played is what the file holds, at the ticks that `RecorderPlay` tells of: a stream may be compared with the file
-sample by sample. As float32 it is the nearest; as whole numbers of three bytes, of which the sensor's range takes all,
-it is the same where the twin's converter has at most 24 bits.
+What is played is what the file holds, at the ticks that `recoil_rigs.twin.faults.PlayedRecorder` tells of: a stream may
+be compared with the file sample by sample. As float32 it is the nearest; as whole numbers of three bytes, of which the
+sensor's range takes all, it is the same where the twin's converter has at most 24 bits.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _STEPS_OF_24_BITS = 1 << 24
 
 @dataclass(frozen=True)
 class StreamForm:
-    """How a virtual recorder streams, as ``device = { virtual = "oxygen", values = "i24", packet_ms = 100 }`` says.
+    """Form of a virtual recorder's stream: ``device = { virtual = "oxygen", values = "i24", packet_ms = 100 }``.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ class RecorderTape:
     Parameters
     ----------
     ppm
-        By how much its clock is slow, beside what each shot drew: millionths.
+        Millionths by which its clock is slow, beside what each shot drew.
     """
 
     def __init__(

@@ -12,7 +12,7 @@ import pytest
 from recoil_acquisition.capture import engine as module
 from recoil_acquisition.capture.engine import PATIENCE_S, SETTLE_S, CaptureEngine, CounterHistory
 from recoil_acquisition.capture.live_source import LiveSamples
-from recoil_acquisition.devices.device import IDLE, Block, Counters, event_block
+from recoil_acquisition.devices.device import CHANGED, IDLE, Block, Counters, event_block
 from recoil_acquisition.trigger import Edge, ShotWindow, Trigger
 from tests.builders.live_sources import bus, can_block, can_record, port, serial_block, serial_frame
 
@@ -393,3 +393,12 @@ def test_a_source_of_the_trigger_that_cannot_be_decoded_disarms_until_somebody_a
     assert engine.armed
     engine.fire(12.0)
     assert engine.recording
+
+
+def test_a_source_of_the_trigger_that_changes_disarms_and_another_one_does_not() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    engine.arm(-math.inf)
+    engine.take(event_block("port", 10_000_000_000, CHANGED, "unit of w is V, was rad/s"))
+    assert engine.armed
+    engine.take(event_block("bus", 10_100_000_000, CHANGED, "factor of NODE.p is 2, was 1"))
+    assert not engine.armed

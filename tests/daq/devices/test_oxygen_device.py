@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -320,3 +322,17 @@ def test_a_stream_that_waits_for_a_trigger_of_its_own_is_not_lost(
     time.sleep(0.1)
     assert not has("lost")(read_until(device, for_s(0.6)))
     device.close()
+
+
+@pytest.mark.parametrize(("most", "is_set"), [("212992\n", False), ("4194304\n", True), (None, True)])
+def test_the_queue_of_a_stream_is_never_made_smaller_than_the_system_makes_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: str | None, is_set: bool
+) -> None:
+    limit = tmp_path / "rmem_max"
+    if most is not None:
+        limit.write_text(most)
+    monkeypatch.setattr(oxygen_device, "_LARGEST_BUFFER", limit)
+    with socket.socket() as one:
+        before = one.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+        oxygen_device._widen(one)
+        assert (one.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) != before) is is_set

@@ -203,7 +203,7 @@ def test_under_a_new_seed_nothing_is_scaled_by_what_was_said_under_the_old_one()
     unsaid = packet(9, floats(100, [1]), floats(100, [1]), seed=8)
     items = [*decoder.feed(unsaid), *decoder.feed(unsaid)]
     assert (values(items, 0), decoder.description) == ([], None)
-    assert faults(items) == 2 * ["another configuration (seed 8), of which nothing is said: the stream is damaged"]
+    assert faults(items) == 2 * ["another configuration (seed 8), of which nothing is said: left out"]
     said = packet(10, channels(("p", "MPa", 7.0, 0.5), "a"), seed=8)
     items = [*decoder.feed(said), *decoder.feed(packet(11, floats(101, [2]), floats(101, [3]), seed=8))]
     assert isinstance(items[0], StreamDescription)
@@ -280,7 +280,7 @@ def test_behind_a_text_that_cannot_be_read_nothing_is_scaled_by_the_one_before(d
     said, then = faults(items)
     assert problem in said
     assert then.startswith("channels that cannot be read (")
-    assert then.endswith("the stream is damaged")
+    assert then.endswith("): left out")
 
 
 def test_a_text_may_end_in_zeros_and_say_less() -> None:

@@ -8,17 +8,20 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.excerpt import span_of
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.shot.quality_check import Check
 from recoil_acquisition.shot.shot import Shot
 from recoil_acquisition.store import read_shot
 from recoil_daq.recording.ingest import Ingested, ingest_files
-from recoil_daq.recording.preview_check import COMPARED, ComparedPreview, compared_previews
+from recoil_daq.recording.preview_check import COMPARED, ComparedPreview, compared_preview, compared_previews
 from recoil_daq.reports.identify import identify_file
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
@@ -111,7 +114,9 @@ def test_a_preview_that_is_scaled_1_percent_off_is_named(shot: PreviewedShot) ->
 def test_a_preview_that_is_shifted_by_one_sample_is_named(shot: PreviewedShot) -> None:
     verdict, text = told(replaced(shot, shot.dmd(), Faults(shift=1)).shot)
     assert verdict == "warn"
-    assert "none of 8 channels is proven equal; the preview is shifted by 1 sample, 40 us early; " in text
+    assert (
+        "none of 8 channels is proven equal; in each channel the preview is shifted by 1 sample, 40 us early; " in text
+    )
     assert text.endswith("by what they show, where the time of both does not put them")
 
 
@@ -125,13 +130,13 @@ def test_a_preview_counts_from_any_whole_second_of_the_recorders_clock(shot: Pre
 def test_a_preview_with_a_hole_is_named_whether_its_ticks_show_it_or_not(shot: PreviewedShot) -> None:
     verdict, text = told(replaced(shot, shot.dmd(), Faults(hole=(3000, 3064))).shot)
     assert verdict == "warn"
-    assert (
-        "55488 are equal; none of 8 channels is proven equal; 64 samples missing in the preview, the first one at "
-        in text
-    )
-    assert "at 0.156000 s (sample 3900)" in text
+    assert "55488 are equal; none of 8 channels is proven equal; in each channel 64 samples missing in " in text
+    assert "missing in the preview, the first one at 0.156000 s (sample 3900); " in text
     hidden = replaced(shot, shot.own, Faults(hole=(3000, 3064), hidden=True)).shot
-    assert "; 64 samples fell out without a gap in its time at 0.156000 s (sample 3900); " in told(hidden)[1]
+    assert (
+        "; in each channel 64 samples fell out without a gap in its time at 0.156000 s (sample 3900); "
+        in told(hidden)[1]
+    )
 
 
 def test_a_preview_in_another_unit_is_compared_in_the_files(shot: PreviewedShot) -> None:
@@ -170,6 +175,26 @@ def read_previews(shot: PreviewedShot, capture: Path, part: int) -> tuple[Compar
     cut = span_of(whole, base.times_s[3000], base.times_s[3000 + part], "cut")
     captures, matched = {capture: read_capture(capture)}, {"dewetron": shot.own}
     return compared_previews(shot.rig, captures, readers, matched, {"dewetron": whole}, {"dewetron": cut})
+
+
+@pytest.mark.parametrize(
+    ("start", "shift"),
+    [("12:00:00.000000000", 1), ("12:00:00.000", 1), ("12:00:02.000", 1), ("12:00:00", 0), ("12:00:00.00", 0)],
+)
+def test_a_shift_is_told_as_finely_as_both_say_when_they_began(shot: PreviewedShot, start: str, shift: int) -> None:
+    values, late = np.random.default_rng(2).normal(size=5000), 2 * start.startswith("12:00:02")
+    live = recorded(values[1000:3000], "12:00:00.000000000", (1000 - 1) / 25e3)
+    own = recorded(values, start, -float(late))
+    found = compared_preview(shot.rig, "dewetron", live, own).channels["p_brake"]
+    assert (found.shift, found.equal) == (shift, 2000)
+
+
+def recorded(samples: np.ndarray, start: str, first_s: float) -> Recording:
+    """Record the brake's pressure at 25 kHz."""
+    begun = AbsoluteStart(f"2026-06-01T{start}", "UTC", "header")
+    base = TimeBase.uniform("dewetron", first_s, 1 / 25e3, samples.size, begun)
+    channel = StoredChannel(SignalHeader(BRAKE, "MPa", samples.size), base, lambda low, high: samples[low:high].copy())
+    return Recording(Path("x"), "x", [channel], metadata={}, absolute_start=begun)
 
 
 def test_a_file_of_another_rate_is_compared_with_nothing_and_says_so(shot: PreviewedShot) -> None:
