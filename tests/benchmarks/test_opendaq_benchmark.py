@@ -62,6 +62,7 @@ def test_eight_fast_channels_of_the_reference_device_are_read_without_a_loss(cap
         )
         print(f"  oldest data {oldest_s:.3f} s; at most {waited_mb:.1f} MB waited at once")
     assert reader.error is None
+    assert device.counters.reopened == 0
     assert not book.gaps
     assert not book.faults
     # a machine that other programs keep busy stands still now and then, and nothing is lost by it

@@ -48,8 +48,9 @@ POLL_S = 0.02
 HEARTBEAT_S = 0.1
 DESCRIBED_WITHIN_S = 5.0
 """Time after connecting within which a device describes its signals."""
-SETTLED_S = 0.3
-"""Time for which no more signals appear."""
+SETTLED_S, SETTLED_STREAM_S = 0.3, 1.0
+"""Time for which no more signals appear; a websocket stream shows them one after another."""
+_WEBSOCKET = "daq.lt:"
 MOST_WAITING = 256 << 20
 """Bytes that wait for the parent; what comes beyond is not kept, and its ticks are missing."""
 _LOOK_AGAIN_S = 2.0
@@ -156,8 +157,9 @@ class _Reading:
                 self._instance.remove_device(device)
 
     def _all_signals(self) -> DeviceSignals:
-        """Wait until it shows its signals: a stream alone shows them one after another."""
+        """Wait until it shows its signals, and no more come."""
         ends_s = time.monotonic() + DESCRIBED_WITHIN_S
+        settled_s = SETTLED_STREAM_S if self._address.startswith(_WEBSOCKET) else SETTLED_S
         shown, since_s = signal_ids(self._device), time.monotonic()
         while True:
             self.tell()
@@ -166,7 +168,7 @@ class _Reading:
             if (ids := signal_ids(self._device)) != shown:
                 shown, since_s = ids, now_s
             found = None
-            if now_s - since_s > SETTLED_S:
+            if now_s - since_s > settled_s:
                 found = signals_of_device(self._daq, self._device, self._wanted)
             if found is not None:
                 return found
@@ -232,7 +234,7 @@ class _Reading:
             self._describe(anew=self._was_lost)
 
     def _require_same_signals(self) -> None:
-        if signal_ids(self._device) != self._signals.ids:
+        if not self._signals.are_in(self._device):
             raise SignalsChangedError("it shows other signals than before")
 
     def _describe(self, *, anew: bool = False) -> None:

@@ -107,6 +107,11 @@ class SignalReader:
         return self._form.channel
 
     @property
+    def identifier(self) -> str:
+        """Identifier of the signal in its device."""
+        return self._id
+
+    @property
     def start_utc_ns(self) -> int | None:
         """Instant of tick 0."""
         return self._form.start_utc_ns
@@ -178,13 +183,23 @@ class DeviceSignals:
 
     Attributes
     ----------
+    ids
+        Identifiers of the signals that must be there still.
+    are_all
+        Whether no other may be there.
     left_out
         Reason for each signal that is no row of numbers over time, in one line.
     """
 
     readers: tuple[SignalReader, ...] = ()
-    ids: tuple[str, ...] = ()
+    ids: frozenset[str] = frozenset()
+    are_all: bool = True
     left_out: tuple[str, ...] = ()
+
+    def are_in(self, device: Any) -> bool:
+        """Return whether a device shows the same signals still."""
+        shown = signal_ids(device)
+        return shown == self.ids if self.are_all else shown >= self.ids
 
     def described(self, time_by: str) -> StreamDescription:
         """Return the description of all.
@@ -225,12 +240,14 @@ def signals_of_device(daq: Any, device: Any, wanted: Collection[str]) -> DeviceS
             readers.append(SignalReader(daq, signal, name))
         except _UnusableError as error:
             left_out.append(f"signal '{name}' is left out: {error}")
-    return DeviceSignals(tuple(readers), signal_ids(device), tuple(left_out))
+    are_all = len(left) == len(set(names))
+    ids = signal_ids(device) if are_all else frozenset(one.identifier for one in readers)
+    return DeviceSignals(tuple(readers), ids, are_all, tuple(left_out))
 
 
-def signal_ids(device: Any) -> tuple[str, ...]:
+def signal_ids(device: Any) -> frozenset[str]:
     """Return the identifiers of all signals that a device shows."""
-    return tuple(str(one.global_id) for one in device.signals_recursive)
+    return frozenset(str(one.global_id) for one in device.signals_recursive)
 
 
 def time_source(daq: Any, device: Any) -> str:

@@ -84,6 +84,14 @@ def test_a_signal_that_is_wanted_is_read_alone_and_all_are_where_one_is_not_ther
     assert names == ["a", "b"]
 
 
+def test_signals_that_come_and_go_count_where_they_are_read():
+    a, b, c = signal("a"), signal("b"), signal("c")
+    _, every = read_by(a, b)
+    _, one = read_by(a, b, wanted=["b"])
+    assert [every.are_in(device(*there)) for there in ((a, b), (b, a), (a,), (a, b, c))] == [True, True, False, False]
+    assert [one.are_in(device(*there)) for there in ((a, b), (b,), (a,), (b, c))] == [True, True, False, True]
+
+
 def test_names_that_two_signals_have_become_paths_and_paths_become_names():
     _, found = read_by(
         signal("AI", path="/dev/IO/1/AI"), signal("AI", path="/dev/IO/2/AI"), signal("#dev#IO#3#T"),

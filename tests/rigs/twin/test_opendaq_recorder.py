@@ -20,6 +20,9 @@ from recoil_acquisition.streams.tick_stream import StreamDescription, StreamFaul
 from recoil_rigs.rig import Rig, load_rig, parse_rig
 from recoil_rigs.twin import TwinShot, opendaq_recorder, simulate_shot
 from recoil_rigs.twin.faults import Change, Interval, RecorderFaults
+from recoil_rigs.twin.opendaq_recorder import OpendaqRecorder
+from recoil_rigs.twin.oxygen_packets import WireChannel
+from recoil_rigs.twin.oxygen_recorder import RecorderContent
 from recoil_rigs.twin.player import TwinPlayer
 from tests.builders.opendaq_servers import needs_opendaq
 
@@ -168,8 +171,11 @@ def test_a_change_of_unit_or_of_the_channels_is_another_description(rig, shots) 
     assert told[-1] == ("V", 3)
 
 
-def test_without_the_library_one_line_names_the_extra(rig, shots, monkeypatch) -> None:
+def test_without_the_library_one_line_names_the_extra(monkeypatch) -> None:
     monkeypatch.setattr(opendaq_recorder, "OPENDAQ", Extra("opendaq", "no_such_opendaq", "opendaq>=3.40"))
-    player = TwinPlayer(of_recorder(rig, {"virtual": "opendaq"}), shots)
+    rest = np.zeros((1, 10, 4), dtype=np.uint8)
+    content = RecorderContent((WireChannel("p", "V"),), ({},), 1000.0, "f32", rest, 0.01)
     with pytest.raises(DeviceError, match="needs the extra `opendaq`, which is not installed"):
-        player.plug()
+        OpendaqRecorder("fast", content, 0, {}).plug()
+    with pytest.raises(ValueError, match=r"a whole number of ticks per second, not 0\.5"):
+        OpendaqRecorder("fast", replace(content, rate_hz=0.5), 0, {})
