@@ -36,6 +36,8 @@ _LARGEST_BUFFER = Path("/proc/sys/net/core/rmem_max")
 """Largest size of such a queue that Linux lets be set, bytes: 212992 on most machines, and it takes 6 MB by itself."""
 _KEYS = ("oxygen", "stream_port", "group", "acquisition", "storing")
 _TOLD_EVERY_S = 1.0
+_REST_S = 0.005
+"""Least time between two reads of a stream: what comes meanwhile waits, and fewer, larger reads cost less."""
 _OVERHEAD = 1.1
 """Bytes of the stream over those of its samples, at most, in packets of 10 ms."""
 
@@ -79,6 +81,7 @@ class OxygenDevice(ReopenedDevice):
         self._bad = self._untold = self._gaps = self._lost_packets = 0
         self._problem = ""
         self._finishing = False
+        self._read_s = 0.0
         self._sample_bytes: dict[int, int] = {}
         self._heard = declared.heard
         if (heard := declared.heard) is not None:
@@ -170,6 +173,8 @@ class OxygenDevice(ReopenedDevice):
             read, read_ns = self._unread.popleft()
             self._received += len(read)
             return Block(self.name, read_ns, read, STREAM, None)
+        if (rest_s := self._read_s + _REST_S - time.monotonic()) > 0 and not self._finishing:
+            time.sleep(rest_s)
         looked_ns = time.monotonic_ns()
         waits = bool(select.select([self._driver], [], [], 0.0)[0])
         self._look.looked(looked_ns, empty=not waits)
@@ -187,6 +192,7 @@ class OxygenDevice(ReopenedDevice):
         if data is None:
             return None
         host_ns = time.monotonic_ns()
+        self._read_s = host_ns / 1e9
         self._received += len(data)
         self._asked_ns = host_ns
         self._high_water = max(self._high_water, len(data))
@@ -231,9 +237,9 @@ class OxygenDevice(ReopenedDevice):
                 self._sample_bytes.setdefault(item.channel, item.raw.dtype.itemsize)
                 expected = self._next.get(item.channel, item.first_tick)
                 self._gaps += item.ticks is None and item.first_tick > expected
-                self._next[item.channel] = max(expected, item.first_tick + item.raw.size)
-                if item.first_tick + item.raw.size < expected - self._rate_of(item.channel):
-                    self._next[item.channel] = item.first_tick + item.raw.size  # it counts anew
+                ends = item.first_tick + item.raw.size
+                if ends >= expected or ends < expected - self._rate_of(item.channel):  # else they came late, or twice
+                    self._next[item.channel] = ends
             elif isinstance(item, StreamFault):
                 self._bad += 1
                 self._untold, self._problem = self._untold + 1, item.problem
