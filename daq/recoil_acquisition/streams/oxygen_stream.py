@@ -52,7 +52,7 @@ _HEAD, _PART, _INFO = struct.Struct("<8sI"), struct.Struct("<2I"), struct.Struct
 _SYNC, _ASYNC = struct.Struct("<3IQd"), struct.Struct("<3Id")
 _INFO_SIZE = _PART.size + _INFO.size
 _LEAST_PACKET = _HEAD.size + _INFO_SIZE
-_MOST_RATE_HZ = 1e10
+_LEAST_RATE_HZ, _MOST_RATE_HZ = 1e-6, 1e10
 _MOST_TICK = 1 << 62
 _NUMBERS = {
     0: "<i1", 1: "<u1", 2: "<i2", 3: "<u2", 4: "i24", 5: "u24", 6: "<i4", 7: "<u4", 8: "<i8", 9: "<u8", 10: "<f4",
@@ -308,7 +308,7 @@ def _part_of(packet: bytes, begins: int, ends: int, kind: int) -> _Part:
     if ends - begins < head.size:
         raise ValueError(f"{ends - begins} bytes, too few for their head")
     code, dimension, count, *first, rate_hz = head.unpack_from(packet, begins)
-    if not (math.isfinite(rate_hz) and 0.0 < rate_hz <= _MOST_RATE_HZ):
+    if not (math.isfinite(rate_hz) and _LEAST_RATE_HZ <= rate_hz <= _MOST_RATE_HZ):
         raise ValueError(f"{rate_hz:g} ticks per second")
     if code not in _NUMBERS:
         raise ValueError(f"numbers of type {code}, which is no number")

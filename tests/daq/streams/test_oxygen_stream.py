@@ -250,6 +250,7 @@ def test_lost_packets_are_counted_and_late_ones_are_none() -> None:
         (packet(9, part(3, bytes(3)), part(3, bytes(3))), "too few for their head"),
         (packet(9, floats(0, [1, 2], rate_hz=0.0), floats(0, [1])), "0 ticks per second"),
         (packet(9, floats(0, [1], rate_hz=float("nan")), floats(0, [1])), "nan ticks per second"),
+        (packet(9, floats(0, [1], rate_hz=1e-300), floats(0, [1])), "1e-300 ticks per second"),
         (packet(9, sync(0, bytes(7), 2), floats(0, [1])), "7 bytes, where 2 samples have 8"),
         (packet(9, sync(1 << 63, bytes(4), 1), floats(0, [1])), "tick 9223372036854775808"),
         (packet(9, sync(0, bytes(4), 1, dimension=0), floats(0, [1])), "0 numbers a sample"),
