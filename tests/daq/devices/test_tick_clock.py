@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.devices.tick_clock import SLEW, START_S, TICK_ANCHORS, TickClock, tick_anchors
+from recoil_acquisition.devices.tick_clock import SLEW, START_S, TICK_ANCHORS, TickClock, _upper_quartile, tick_anchors
 
 RATE_HZ = 10_000.0
 PACKET = 100
@@ -122,3 +122,8 @@ def test_each_epoch_has_its_anchors_and_one_that_is_too_short_has_none() -> None
     ticks = [one["tick"] for one in tick_anchors(RATE_HZ, made + later)[TICK_ANCHORS]]
     assert [round(tick / RATE_HZ, 1) for tick in ticks] == [0.5, 1.0, 0.5, 1.0]
     assert tick_anchors(RATE_HZ, made[:20])[TICK_ANCHORS] == []
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=20))
+def test_the_upper_quartile_is_numpys(values: list[float]) -> None:
+    assert _upper_quartile(values) == pytest.approx(np.quantile(values, 0.75), abs=1e-12)
