@@ -227,7 +227,7 @@ def live_demo_rig(folder: Path) -> Rig:
     streaming = whole.text.replace(files, f'device = {{ virtual = "oxygen" }}\n{files}')
     folder.mkdir(parents=True)
     for name, text in {"rig.toml": streaming, **whole.databases}.items():
-        (folder / name).write_text(text, encoding="utf-8")
+        (folder / name).write_text(text, encoding="utf-8", newline="")
     return parse_rig(streaming, folder / "rig.toml", whole.databases)
 
 

@@ -49,7 +49,7 @@ class FirstContact:
             raise self._taken()
         self._partial = partial_path(self.path)
         with system_errors_as(StoreError, self.path, "written", _REMEDY):
-            self._stream = self._partial.open("x", encoding="utf-8")
+            self._stream = self._partial.open("x", encoding="utf-8", newline="\n")
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
