@@ -42,7 +42,7 @@ OF_OTHERS = frozenset((
     "name (unit)", "sample_rate", "time", "recoil_daq", "recoil_daq_names",
     # characters and words of names, and groups of users
     "*", "+", "-", ".", "_", "[[...]]", "all", "any", "can", "fixed", "dialout", "uucp", "journal", "u_<name>",
-    "paper", "pdf", "xlsx", "sign", "gtc", "inputs", "virtual", "trigger", "redundant", "ready_made", "check_reports",
+    "paper", "pdf", "xlsx", "sign", "gtc", "inputs", "virtual", "free", "trigger", "redundant", "ready_made", "check_reports",
     # other programs
     "-ta", "-tz", "candump -L", "dask scheduler", "dask worker --nthreads 1 ADDRESS", "deeplabcut.convert_h5_to_csv",
     "save_as_csv=True", "ip link set can0 up type can bitrate 1000000", "nccopy -k nc4",
@@ -51,7 +51,7 @@ OF_OTHERS = frozenset((
 """What stands in backticks and is neither a key nor a command."""
 PUT_IN = frozenset((
     "{SHOT_PLACE}", "{TABLE}", "{column}", "{command}", "{first}", "{key}", "{known}", "{lacking}", "{name[0]}",
-    "{one.key}", "{order}", "{recover}", "{self}", "{source.device}", "mixed",
+    "{OPENDAQ.name}", "{one.key}", "{order}", "{recover}", "{self}", "{source.device}", "mixed",
 ))  # fmt: skip
 """What is put in: keys of the tables that are at fault, commands that are texts of their own, and the name of a rig."""
 QUOTED_BEFORE = frozenset(("rig", "capture", "file", "files", "out"))

@@ -46,8 +46,10 @@ def _faults_of_sources(file: RigFile) -> list[Fault]:
                 problem = "the reference clock's source cannot stay away: all other clocks are aligned to it"
                 faults.append(Fault((*where, "required"), problem, FaultCode.CONTRADICTION))
         elif source.align is None:
-            methods = '"motion" | "redundant" | "trigger" | "exposure" | "absolute" | "fixed"'
-            remedy = f"declare `align = {{ method = {methods}, ... }}`"
+            remedy = (
+                'declare `align = { method = "motion" | "redundant" | "trigger" | "exposure" | "absolute" | "fixed", '
+                "... }`"
+            )
             faults.append(Fault((*where, "align"), f"is missing; {remedy}", FaultCode.MISSING))
         else:
             faults += faults_of_alignment((*where, "align"), source, reference, file)

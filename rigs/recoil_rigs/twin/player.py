@@ -116,7 +116,7 @@ class TwinPlayer:
     ) -> RecorderPlay:
         _check_transport(source, chosen)
         if not isinstance(faults, RecorderFaults):
-            raise ValueError(f"source '{source.name}': its faults must be those of a recorder, `RecorderFaults`")
+            raise ValueError(f"source '{source.name}': its faults must be those of a recorder")
         table = source.device or {}
         try:
             form = StreamForm.from_table(table, [spec.signal for spec in rig.channels_of(source.name)])
