@@ -42,7 +42,8 @@ OF_OTHERS = frozenset((
     "name (unit)", "sample_rate", "time", "recoil_daq", "recoil_daq_names",
     # characters and words of names, and groups of users
     "*", "+", "-", ".", "_", "[[...]]", "all", "any", "can", "fixed", "dialout", "uucp", "journal", "u_<name>",
-    "paper", "pdf", "xlsx", "sign", "gtc", "inputs", "virtual", "free", "trigger", "redundant", "ready_made", "check_reports",
+    "paper", "pdf", "xlsx", "sign", "gtc", "inputs", "virtual", "trigger", "redundant", "ready_made", "check_reports",
+    "free",
     # other programs
     "-ta", "-tz", "candump -L", "dask scheduler", "dask worker --nthreads 1 ADDRESS", "deeplabcut.convert_h5_to_csv",
     "save_as_csv=True", "ip link set can0 up type can bitrate 1000000", "nccopy -k nc4",
