@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.devices.declarations import DeviceDeclarations
-from recoil_acquisition.devices.described import REPEATED_S, described_events
+from recoil_acquisition.devices.described import REPEATED_S, changes, described_events
 from recoil_acquisition.devices.device import CHANGED, LARGEST_PIECE, STREAM, Block, Counters, EmptyLook
 from recoil_acquisition.devices.oxygen_control import PORT, STREAM_PORT, OxygenControl, OxygenSettings, RecorderError
 from recoil_acquisition.devices.reopening import GRACE_S, ReopenedDevice
@@ -119,7 +119,7 @@ class OxygenDevice(ReopenedDevice):
         return f"{self._what}, {self._control.identity}"
 
     def _connect(self) -> None:
-        control = self._control
+        control, self._finishing = self._control, False
         control.connect()
         control.prepare(self._signals)
         self._look = EmptyLook()
@@ -135,7 +135,8 @@ class OxygenDevice(ReopenedDevice):
         control.start()
         self._await_samples()
         self._asked_ns = time.monotonic_ns()
-        control.store()
+        if not self._wanted:  # what was stopped since is not started again behind a lost connection
+            control.store()
 
     def _await_samples(self) -> None:
         """Read until the stream has said what it holds; what was read is handed on later."""
@@ -265,7 +266,7 @@ class OxygenDevice(ReopenedDevice):
         self._said_ns = 0
         if before is not None and before.channels != found.channels:
             self._next = {}
-            self._tell(CHANGED, _changes(before, found))
+            self._tell(CHANGED, changes(before, found))
 
     def _say(self, host_ns: int) -> None:
         """Say among the blocks what the stream holds, and what of it could not be read."""
@@ -290,20 +291,6 @@ def _widen(one: socket.socket) -> None:
     with suppress(OSError, ValueError):
         if not _LARGEST_BUFFER.exists() or int(_LARGEST_BUFFER.read_bytes()) >= RECEIVE_BUFFER // 4:
             one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
-
-
-def _changes(before: StreamDescription, now: StreamDescription) -> str:
-    """Say how a stream is described otherwise than before."""
-    old, new = ({one.name: one for one in each.channels} for each in (before, now))
-    found = [f"{name} is gone" for name in old if name not in new]
-    found += [f"{name} is new" for name in new if name not in old]
-    for name in (one for one in old if one in new):
-        for what in ("unit", "factor", "offset", "tick_rate"):
-            was, is_now = getattr(old[name], what), getattr(new[name], what)
-            if was != is_now:
-                shown = what.replace("tick_rate", "rate")
-                found.append(f"{shown} of {name} is {is_now or 'none'}, was {was or 'none'}")
-    return "; ".join(found[:8]) or "the order of its channels"
 
 
 def settings_of(source: str, table: Mapping[str, Any]) -> OxygenSettings:

@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.streams.oxygen_text import StatedChannel, StreamText, read_text
+from recoil_acquisition.streams.oxygen_text import StatedChannel, read_text
 from recoil_acquisition.streams.tick_stream import (
     StreamDescription,
     StreamFault,
@@ -110,7 +110,7 @@ class OxygenDecoder:
         self.info: PacketInfo | None = None
         self.description: StreamDescription | None = None
         self._stated: tuple[StatedChannel, ...] | None = None
-        self._start = StreamText()
+        self._start_utc_ns: int | None = None
         self._layout: tuple[Any, ...] = ()
         self._told_of: tuple[Any, ...] = ()
         self._held = bytearray()
@@ -209,7 +209,7 @@ class OxygenDecoder:
 
     def _forget(self, problem: str) -> None:
         """Take no sample for what the stream said before: neither scalings nor the order of its channels hold."""
-        self._stated, self.description, self._start = None, None, StreamText()
+        self._stated, self.description, self._start_utc_ns = None, None, None
         self._unsaid = f"{problem}: left out"
 
     def _take_text(self, content: bytes) -> list[TickItem]:
@@ -221,8 +221,8 @@ class OxygenDecoder:
             return [StreamFault(problem)]
         if text.channels is not None:
             self._stated, self._unsaid = text.channels, ""
-        elif text.start_utc_ns is not None or text.time_by:
-            self._start = text
+        elif text.start_utc_ns is not None:
+            self._start_utc_ns = text.start_utc_ns
         return []
 
     def _samples(self, parts: list[_Part]) -> list[TickItem]:
@@ -230,11 +230,11 @@ class OxygenDecoder:
         layout = tuple(one.layout for one in parts)
         items: list[TickItem] = []
         if self._stated is not None:
-            said = self._stated, self._start, layout
+            said = self._stated, self._start_utc_ns, layout
             if said != self._told_of or self.description is None:
                 if len(parts) != len(self._stated):
                     return [_miscounted(len(parts), len(self._stated))]
-                described = _described(self._stated, self._start, parts)
+                described = _described(self._stated, self._start_utc_ns, parts)
                 if self._told_of and self._told_of[:2] == said[:2] and not _goes_with(parts, self._told_of[2]):
                     # the same text, and a part that cannot be read, or has no samples: nothing was described anew
                     return [StreamFault("a packet whose parts are laid out otherwise than those before it")]
@@ -276,7 +276,7 @@ def _contradiction(parts: list[_Part], description: StreamDescription) -> Stream
     return None
 
 
-def _described(stated: tuple[StatedChannel, ...], start: StreamText, parts: list[_Part]) -> StreamDescription:
+def _described(stated: tuple[StatedChannel, ...], start_utc_ns: int | None, parts: list[_Part]) -> StreamDescription:
     """Put what the text says and how the samples come together."""
     channels: list[TickChannel] = []
     for one, part in zip(stated, parts, strict=True):
@@ -291,7 +291,7 @@ def _described(stated: tuple[StatedChannel, ...], start: StreamText, parts: list
             if width > 1 + part.is_complex:
                 name = f"{name} [{place // (1 + part.is_complex)}]"
             channels.append(TickChannel(name, one.unit[:LONGEST_NAME], part.rate, step, one.factor, offset))
-    return StreamDescription(tuple(channels), start.start_utc_ns, start.time_by)
+    return StreamDescription(tuple(channels), start_utc_ns)
 
 
 def _part_of(packet: bytes, begins: int, ends: int, kind: int) -> _Part:

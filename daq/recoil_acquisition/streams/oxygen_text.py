@@ -34,13 +34,10 @@ class StreamText:
     ----------
     start_utc_ns
         Start of the acquisition, ns since 1970-01-01 UTC.
-    time_by
-        Source of the recorder's time in its own words; empty where it says none.
     """
 
     channels: tuple[StatedChannel, ...] | None = None
     start_utc_ns: int | None = None
-    time_by: str = ""
 
 
 def read_text(content: bytes) -> StreamText:
@@ -58,7 +55,7 @@ def read_text(content: bytes) -> StreamText:
     if root.tag == "ChannelInfo":
         return StreamText(channels=_channels(root))
     if root.tag == "AcquisitionInfo":
-        return StreamText(start_utc_ns=_start_ns(root), time_by=_time_by(root))
+        return StreamText(start_utc_ns=_start_ns(root))
     return StreamText()
 
 
@@ -86,14 +83,3 @@ def _start_ns(root: ET.Element) -> int | None:
             start_ns = int((stamp.text or "").strip())
             return start_ns if start_ns < _LONGEST_NS else None
     return None
-
-
-def _time_by(root: ET.Element) -> str:
-    """Return what a text says of the source of its time, where it has any such element; none is known."""
-    for one in root.iter():
-        for key in ("sync", "time_source", "timesource", "source"):
-            if one.tag.lower() == key and (one.text or "").strip():
-                return (one.text or "").strip()[:64]
-            if one.get(key):
-                return str(one.get(key))[:64]
-    return ""

@@ -207,6 +207,33 @@ def test_a_lost_connection_is_made_again_and_the_gap_is_known_to_the_tick(record
 
 
 @pytest.mark.real_time
+def test_storing_that_was_stopped_meanwhile_is_not_started_again_behind_a_lost_connection(
+    recorder: OxygenRecorder,
+) -> None:
+    device = opened(recorder, storing=True)
+    read_until(device, for_s(0.1))
+    recorder.unplug()
+    read_until(device, has("lost"))
+    recorder.scpi.storing = "Stopped"
+    recorder.plug()
+    read_until(device, has("reopened"))
+    assert recorder.scpi.storing == "Stopped"
+    device.close()
+
+
+@pytest.mark.real_time
+def test_a_device_that_was_closed_can_be_opened_again_and_says_when_it_is_lost(recorder: OxygenRecorder) -> None:
+    device = opened(recorder)
+    device.close()
+    device.open()
+    read_until(device, for_s(0.1))
+    recorder.unplug()
+    read_until(device, has("lost"))
+    device.close()
+    recorder.plug()
+
+
+@pytest.mark.real_time
 def test_a_recorder_that_was_restarted_counts_anew_and_is_asked_anew(recorder: OxygenRecorder) -> None:
     device = opened(recorder)
     blocks = read_until(device, for_s(0.3))
