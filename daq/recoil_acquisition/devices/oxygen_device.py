@@ -23,8 +23,8 @@ from recoil_acquisition.devices.device import CHANGED, LARGEST_PIECE, STREAM, Bl
 from recoil_acquisition.devices.oxygen_control import PORT, STREAM_PORT, OxygenControl, OxygenSettings, RecorderError
 from recoil_acquisition.devices.reopening import GRACE_S, ReopenedDevice
 from recoil_acquisition.errors import DeviceError
-from recoil_acquisition.streams.oxygen_stream import LAST, OxygenDecoder
-from recoil_acquisition.streams.tick_stream import StreamDescription, StreamFault, TickChannel, TickSamples
+from recoil_acquisition.streams.oxygen_stream import LAST, OxygenDecoder, TickSpan
+from recoil_acquisition.streams.tick_stream import StreamDescription, StreamFault, TickChannel
 
 FIRST_SAMPLES_S = 5.0
 """Longest time from the start of the stream to its first samples, with what it says of them."""
@@ -77,6 +77,7 @@ class OxygenDevice(ReopenedDevice):
         self._next: dict[int, int] = {}
         self._description: StreamDescription | None = None
         self._unread: deque[tuple[bytes, int]] = deque()
+        self._piece = bytearray(LARGEST_PIECE)
         self._said_ns = self._told_ns = self._asked_ns = 0
         self._bad = self._untold = self._gaps = self._lost_packets = 0
         self._problem = ""
@@ -206,7 +207,8 @@ class OxygenDevice(ReopenedDevice):
         """Return what came; None if nothing did in time, OSError if the connection has ended."""
         if not select.select([self._driver], [], [], max(timeout_s, 0.0))[0]:
             return None
-        data = bytes(self._driver.recv(LARGEST_PIECE))
+        # into memory that is there: to ask for as much anew costs more than what is received
+        data = bytes(memoryview(self._piece)[: self._driver.recv_into(self._piece)])
         if not data:
             raise ConnectionResetError(self._why_ended())
         if self._heard is not None:
@@ -233,12 +235,12 @@ class OxygenDevice(ReopenedDevice):
     def _follow(self, data: bytes) -> None:
         """Follow what the stream says, and whether its ticks go on."""
         damaged = False
-        for item in self._decoder.feed(data):
-            if isinstance(item, TickSamples):
-                self._sample_bytes.setdefault(item.channel, item.raw.dtype.itemsize)
+        for item in self._decoder.follow(data):
+            if isinstance(item, TickSpan):
+                self._sample_bytes.setdefault(item.channel, item.sample_bytes)
                 expected = self._next.get(item.channel, item.first_tick)
-                self._gaps += item.ticks is None and item.first_tick > expected
-                ends = item.first_tick + item.raw.size
+                self._gaps += not item.has_ticks and item.first_tick > expected
+                ends = item.first_tick + item.samples
                 if ends >= expected or ends < expected - self._rate_of(item.channel):  # else they came late, or twice
                     self._next[item.channel] = ends
             elif isinstance(item, StreamFault):

@@ -22,16 +22,13 @@ number is not that of the channels, none is taken for any.
 
 from __future__ import annotations
 
-import math
 import struct
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from recoil_acquisition.streams.oxygen_parts import PART, PacketShape, Part, SamplePlace, columns_of, part_of, shape_of
 from recoil_acquisition.streams.oxygen_text import StatedChannel, read_text
 from recoil_acquisition.streams.tick_stream import (
     StreamDescription,
@@ -48,17 +45,9 @@ FIRST, LAST, ERROR = 0x1, 0x2, 0x10000000
 """Bits of a packet's status."""
 LONGEST_NAME = 512
 
-_HEAD, _PART, _INFO = struct.Struct("<8sI"), struct.Struct("<2I"), struct.Struct("<6I")
-_SYNC, _ASYNC = struct.Struct("<3IQd"), struct.Struct("<3Id")
-_INFO_SIZE = _PART.size + _INFO.size
+_HEAD, _INFO = struct.Struct("<8sI"), struct.Struct("<6I")
+_INFO_SIZE = PART.size + _INFO.size
 _LEAST_PACKET = _HEAD.size + _INFO_SIZE
-_LEAST_RATE_HZ, _MOST_RATE_HZ = 1e-6, 1e10
-_MOST_TICK = 1 << 62
-_NUMBERS = {
-    0: "<i1", 1: "<u1", 2: "<i2", 3: "<u2", 4: "i24", 5: "u24", 6: "<i4", 7: "<u4", 8: "<i8", 9: "<u8", 10: "<f4",
-    11: "<f8", 12: "<f4 complex", 13: "<f8 complex",
-}  # fmt: skip
-"""Types of numbers; 14 to 16 are texts, bytes and frames of a bus."""
 
 
 @dataclass(frozen=True)
@@ -73,20 +62,26 @@ class PacketInfo:
     parts: int
 
 
-@dataclass(frozen=True)
-class _Part:
-    """Samples of one channel in a packet, a column for each of its components; none where it cannot be read."""
+class TickSpan(NamedTuple):
+    """Place and size of the samples of one channel in a packet, without their numbers.
 
-    rate: Fraction
-    columns: NDArray[Any] | None
-    is_complex: bool = False
-    first_tick: int = 0
-    ticks: NDArray[np.int64] | None = None
+    Attributes
+    ----------
+    channel, first_tick
+        As of `TickSamples`.
+    samples
+        Number of samples, at least 1.
+    sample_bytes
+        Size of one number as it was sent and is read, bytes.
+    has_ticks
+        Whether each sample has a tick of its own.
+    """
 
-    @property
-    def layout(self) -> tuple[Fraction, int, bool, bool]:
-        width = 0 if self.columns is None else self.columns.shape[1]
-        return self.rate, width, self.is_complex, self.ticks is not None
+    channel: int
+    first_tick: int
+    samples: int
+    sample_bytes: int
+    has_ticks: bool = False
 
 
 class OxygenDecoder:
@@ -116,13 +111,23 @@ class OxygenDecoder:
         self._held = bytearray()
         self._in_step = self._is_wrong = False
         self._unsaid = ""
+        self._shape: PacketShape | None = None
 
     def feed(self, data: bytes) -> list[TickItem]:
         """Return what the next bytes complete, in their order; nothing that they hold raises."""
+        return self._taken(data, with_numbers=True)
+
+    def follow(self, data: bytes) -> list[StreamDescription | TickSpan | StreamFault]:
+        """Return what `feed` does, but of samples their places alone: no number is read."""
+        return self._taken(data, with_numbers=False)
+
+    def _taken(self, data: bytes, *, with_numbers: bool) -> list[Any]:
         self._held += data
-        items: list[TickItem] = []
+        items: list[Any] = []
         while (packet := self._next(items)) is not None:
-            items += self._read(packet)
+            found, parts = self._read(packet)
+            items += found
+            items += _samples(packet, parts) if with_numbers else _spans(parts)
         return items
 
     def skip(self) -> None:
@@ -134,7 +139,7 @@ class OxygenDecoder:
     def describe(self, description: StreamDescription) -> None:
         """Take what a device said of the stream, where the stream did not say it to this decoder."""
         if self._stated is None:
-            self.description, self._layout, self._unsaid = description, (), ""
+            self.description, self._layout, self._unsaid, self._shape = description, (), "", None
 
     def _next(self, items: list[TickItem]) -> bytes | None:
         """Return the next whole packet; None where it is not there yet."""
@@ -142,7 +147,7 @@ class OxygenDecoder:
         while len(held) >= _LEAST_PACKET:
             token, size = _HEAD.unpack_from(held)
             plausible = _LEAST_PACKET <= size <= LARGEST_PACKET
-            begins = token == TOKEN and plausible and _PART.unpack_from(held, _HEAD.size) == (_INFO_SIZE, 1)
+            begins = token == TOKEN and plausible and PART.unpack_from(held, _HEAD.size) == (_INFO_SIZE, 1)
             if begins:
                 if len(held) < size:
                     return None
@@ -159,36 +164,55 @@ class OxygenDecoder:
             del held[: len(held) - len(TOKEN) + 1 if place < 0 else place]
         return None
 
-    def _read(self, packet: bytes) -> list[TickItem]:
-        """Take a packet apart."""
+    def _read(self, packet: bytes) -> tuple[list[TickItem], Sequence[Part]]:
+        """Take a packet apart: return what it says, and its samples where they can be taken for any."""
+        if self._shape is not None and (alike := self._shape.parts_of(packet)) is not None:
+            info = memoryview(packet)[_HEAD.size + PART.size : _LEAST_PACKET]
+            return self._taken_apart(self._take_info(info), alike)
         items: list[TickItem] = []
-        parts: list[_Part] = []
-        self._is_wrong = False
+        parts: list[Part] = []
+        heads: list[int] = []
+        kinds: list[int] = []
+        self._shape = None
         at, view = _HEAD.size, memoryview(packet)
         while at < len(packet):
-            if len(packet) - at < _PART.size:
-                return [*items, StreamFault(f"{len(packet) - at} bytes behind the last part of a packet")]
-            size, kind = _PART.unpack_from(packet, at)
-            if not _PART.size <= size <= len(packet) - at:
-                return [*items, StreamFault(f"a part of {size} bytes where {len(packet) - at} are left")]
-            part = view[at + _PART.size : at + size]
+            if len(packet) - at < PART.size:
+                return [*items, StreamFault(f"{len(packet) - at} bytes behind the last part of a packet")], ()
+            size, kind = PART.unpack_from(packet, at)
+            if not PART.size <= size <= len(packet) - at:
+                return [*items, StreamFault(f"a part of {size} bytes where {len(packet) - at} are left")], ()
+            part = view[at + PART.size : at + size]
+            heads.append(at)
+            kinds.append(kind)
             if kind == 1:
                 items += self._take_info(part)
             elif kind == 2:
                 items += self._take_text(bytes(part))
             elif kind in (3, 4, 5, 6):
                 try:
-                    parts.append(_part_of(packet, at + _PART.size, at + size, kind))
+                    parts.append(part_of(packet, at + PART.size, at + size, kind))
                 except ValueError as error:
-                    parts.append(_Part(Fraction(0), None))
+                    parts.append(Part(Fraction(0), None))
                     items.append(StreamFault(f"part {len(parts)} of the samples: {error}"))
             elif kind != 7:
                 items.append(StreamFault(f"a part of an unknown type {kind}"))
             at += size
+        items, taken = self._taken_apart(items, parts)
+        if taken and kinds.count(1) == 1 and 2 not in kinds and not any(isinstance(one, StreamFault) for one in items):
+            self._shape = shape_of(packet, heads, parts)
+        return items, taken
+
+    def _taken_apart(self, items: list[TickItem], parts: Sequence[Part]) -> tuple[list[TickItem], Sequence[Part]]:
+        """Return what a packet says, and its samples: none where it is wrong, or nothing is said of them."""
         self.packets += 1
         if self._is_wrong or not parts:
-            return items
-        return items + ([StreamFault(self._unsaid, is_out_of_step=True)] if self._unsaid else self._samples(parts))
+            return items, ()
+        if self._unsaid:
+            return [*items, StreamFault(self._unsaid, is_out_of_step=True)], ()
+        if self._shape is not None:  # nothing was said since the last one, and it is as that
+            return items, parts
+        new, taken = self._described(parts)
+        return items + new, taken
 
     def _take_info(self, part: memoryview) -> list[TickItem]:
         if len(part) < _INFO.size:
@@ -225,50 +249,67 @@ class OxygenDecoder:
             self._start_utc_ns = text.start_utc_ns
         return []
 
-    def _samples(self, parts: list[_Part]) -> list[TickItem]:
-        """Return the samples of a packet, behind a new description where there is one."""
+    def _described(self, parts: Sequence[Part]) -> tuple[list[TickItem], Sequence[Part]]:
+        """Return a new description where there is one, and the samples of a packet if they are what is described."""
         layout = tuple(one.layout for one in parts)
         items: list[TickItem] = []
         if self._stated is not None:
             said = self._stated, self._start_utc_ns, layout
             if said != self._told_of or self.description is None:
                 if len(parts) != len(self._stated):
-                    return [_miscounted(len(parts), len(self._stated))]
+                    return [_miscounted(len(parts), len(self._stated))], ()
                 described = _described(self._stated, self._start_utc_ns, parts)
                 if self._told_of and self._told_of[:2] == said[:2] and not _goes_with(parts, self._told_of[2]):
                     # the same text, and a part that cannot be read, or has no samples: nothing was described anew
-                    return [StreamFault("a packet whose parts are laid out otherwise than those before it")]
+                    return [StreamFault("a packet whose parts are laid out otherwise than those before it")], ()
                 self._told_of = said
                 if described != self.description:
                     self.description = described
                     items.append(described)
         elif self.description is not None and layout != self._layout:
             if (fault := _contradiction(parts, self.description)) is not None:
-                return [fault]
+                return [fault], ()
             self._layout = layout
-        place = 0
-        for one in parts:
-            if one.columns is None:
-                continue
-            for column in one.columns.T:
-                if column.size:
-                    items.append(TickSamples(place, one.first_tick, column, one.ticks))
-                place += 1
-        return items
+        return items, parts
+
+
+def _places(parts: Sequence[Part]) -> Iterator[tuple[int, int, Part, SamplePlace]]:
+    """Yield the channel, the column and the part of all samples of a packet."""
+    channel = 0
+    for part in parts:
+        if (place := part.place) is None:
+            continue
+        for column in range(place.width if place.length else 0):
+            yield channel + column, column, part, place
+        channel += place.width
+
+
+def _samples(packet: bytes, parts: Sequence[Part]) -> Iterator[TickSamples]:
+    """Yield the samples of a packet."""
+    for channel, column, part, place in _places(parts):
+        if not column:
+            columns = columns_of(packet, place)
+        yield TickSamples(channel, part.first_tick, columns[:, column], part.ticks)
+
+
+def _spans(parts: Sequence[Part]) -> Iterator[TickSpan]:
+    """Yield where the samples of a packet are."""
+    for channel, _, part, place in _places(parts):
+        yield TickSpan(channel, part.first_tick, place.length, place.number_bytes, part.ticks is not None)
 
 
 def _miscounted(parts: int, channels: int) -> StreamFault:
     return StreamFault(f"a packet of {parts} channels, where {channels} are described: none of them is taken for any")
 
 
-def _goes_with(parts: list[_Part], layout: tuple[Any, ...]) -> bool:
+def _goes_with(parts: Sequence[Part], layout: tuple[Any, ...]) -> bool:
     """Return whether a change of the layout is one of rates or types, and not a part that could not be read."""
-    return all(one.columns is not None or not width for one, (_, width, _, _) in zip(parts, layout, strict=True))
+    return all(one.place is not None or not width for one, (_, width, _, _) in zip(parts, layout, strict=True))
 
 
-def _contradiction(parts: list[_Part], description: StreamDescription) -> StreamFault | None:
+def _contradiction(parts: Sequence[Part], description: StreamDescription) -> StreamFault | None:
     """Say how a packet differs from what a device said of the stream."""
-    rates = [one.rate for one in parts if one.columns is not None for _ in one.columns.T]
+    rates = [one.rate for one in parts if one.place is not None for _ in range(one.place.width)]
     if len(rates) != len(description.channels):
         return _miscounted(len(rates), len(description.channels))
     if any(rate != channel.tick_rate for rate, channel in zip(rates, description.channels, strict=True)):
@@ -276,13 +317,13 @@ def _contradiction(parts: list[_Part], description: StreamDescription) -> Stream
     return None
 
 
-def _described(stated: tuple[StatedChannel, ...], start_utc_ns: int | None, parts: list[_Part]) -> StreamDescription:
+def _described(stated: tuple[StatedChannel, ...], start_utc_ns: int | None, parts: Sequence[Part]) -> StreamDescription:
     """Put what the text says and how the samples come together."""
     channels: list[TickChannel] = []
     for one, part in zip(stated, parts, strict=True):
-        if part.columns is None:
+        if part.place is None:
             continue
-        width, step = part.columns.shape[1], 0 if part.ticks is not None else 1
+        width, step = part.place.width, 0 if part.ticks is not None else 1
         for place in range(width):
             name, offset = one.name[:LONGEST_NAME], one.offset
             if part.is_complex:
@@ -292,62 +333,3 @@ def _described(stated: tuple[StatedChannel, ...], start_utc_ns: int | None, part
                 name = f"{name} [{place // (1 + part.is_complex)}]"
             channels.append(TickChannel(name, one.unit[:LONGEST_NAME], part.rate, step, one.factor, offset))
     return StreamDescription(tuple(channels), start_utc_ns)
-
-
-def _part_of(packet: bytes, begins: int, ends: int, kind: int) -> _Part:
-    """Read the samples of one channel; ValueError if they are not what their head says.
-
-    Parameters
-    ----------
-    begins, ends
-        Place of the part behind its own size and type.
-    """
-    if kind in (4, 6):
-        raise ValueError(f"type {kind}, samples of variable size, which nobody decodes")
-    head = _SYNC if kind == 3 else _ASYNC
-    if ends - begins < head.size:
-        raise ValueError(f"{ends - begins} bytes, too few for their head")
-    code, dimension, count, *first, rate_hz = head.unpack_from(packet, begins)
-    if not (math.isfinite(rate_hz) and _LEAST_RATE_HZ <= rate_hz <= _MOST_RATE_HZ):
-        raise ValueError(f"{rate_hz:g} ticks per second")
-    if code not in _NUMBERS:
-        raise ValueError(f"numbers of type {code}, which is no number")
-    if not 1 <= dimension <= 4096:
-        raise ValueError(f"{dimension} numbers a sample")
-    form, _, is_complex = _NUMBERS[code].partition(" ")
-    width = dimension * (2 if is_complex else 1)
-    size = 3 if form.endswith("24") else np.dtype(form).itemsize
-    ahead = 0 if kind == 3 else 8
-    row = ahead + width * size
-    at = begins + head.size
-    if count * row != ends - at:
-        raise ValueError(f"{ends - at} bytes, where {count} samples have {count * row}")
-    columns = _columns(packet, at + ahead, count, width, row, form)
-    rate = _exactly(rate_hz)
-    if kind == 3:
-        if first[0] >= _MOST_TICK:
-            raise ValueError(f"tick {first[0]}")
-        return _Part(rate, columns, bool(is_complex), first[0])
-    ticks = np.ndarray((count,), "<u8", packet, at, (row,)) if count else np.zeros(0, "<u8")
-    if count and int(ticks.max()) >= _MOST_TICK:
-        raise ValueError(f"tick {int(ticks.max())}")
-    return _Part(rate, columns, bool(is_complex), int(ticks[0]) if count else 0, ticks.astype(np.int64))
-
-
-@lru_cache
-def _exactly(rate_hz: float) -> Fraction:
-    """Return a rate exactly, the same object for the same rate: comparing two of them costs nothing then."""
-    return Fraction(rate_hz)
-
-
-def _columns(packet: bytes, at: int, count: int, width: int, row: int, form: str) -> NDArray[Any]:
-    """Return numbers of some bytes, shape (count, width), where a row of them begins each so many bytes.
-
-    A number of three bytes is read as one of four that begins a byte before it, and shifted down.
-    """
-    if not count:
-        return np.zeros((0, width), "<i4" if form.endswith("24") else form)
-    if form.endswith("24"):
-        wide = np.ndarray((count, width), "<i4" if form == "i24" else "<u4", packet, at - 1, (row, 3))
-        return np.asarray(wide >> 8)
-    return np.ndarray((count, width), form, packet, at, (row, np.dtype(form).itemsize))

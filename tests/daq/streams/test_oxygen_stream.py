@@ -7,7 +7,7 @@ import struct
 import time
 import tracemalloc
 from fractions import Fraction
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.streams.oxygen_stream import LARGEST_PACKET, OxygenDecoder
-from recoil_acquisition.streams.tick_stream import StreamDescription, StreamFault, TickItem, TickSamples
+from recoil_acquisition.streams.oxygen_stream import LARGEST_PACKET, OxygenDecoder, TickSpan
+from recoil_acquisition.streams.tick_stream import StreamDescription, StreamFault, TickChannel, TickItem, TickSamples
 
 RATE_HZ = 1000.0
 START_NS = 1_700_000_000_123_456_789
@@ -168,6 +168,89 @@ def test_a_vector_is_as_many_channels_and_a_complex_one_two() -> None:
     assert [one.name for one in description.channels] == ["v [0]", "v [1]", "v [2]", "z real", "z imaginary", "b"]
     assert [one.offset for one in description.channels] == [1.0, 1.0, 1.0, 1.0, 0.0, 0.0]
     assert [values(items, place) for place in range(6)] == [[0, 3], [1, 4], [2, 5], [1, 3], [2, 4], [9, 9]]
+
+
+KINDS = [
+    "alike", "longer", "other rate", "other type", "vector", "own ticks", "none", "part missing", "unknown part",
+    "other part", "wrong", "last", "seed", "text", "other text", "late", "tick too large", "start",
+]  # fmt: skip
+ONE_AFTER_ANOTHER = [["alike", "alike", one, other, "alike", "alike"] for one, other in product(KINDS, repeat=2)]
+
+
+def packets_of(kinds: list[str]) -> list[tuple[bytes, bytes]]:
+    """Return a packet of each kind, and one without samples that may stand behind it and says nothing new."""
+    data = [(HEAD, packet(0))]
+    seed, per = 7, 4
+    for number, kind in enumerate(kinds, start=1):
+        first = 1 << 62 if kind == "tick too large" else number * 10
+        per += kind == "longer"
+        rate_hz = 2 * RATE_HZ if kind == "other rate" else RATE_HZ
+        seed += kind == "seed"
+        one = floats(first, np.arange(per) + number, rate_hz=rate_hz)
+        other = {
+            "other type": sync(first, np.arange(per, dtype="<i4").tobytes(), per, code=6),
+            "vector": sync(first, np.arange(2 * per, dtype="<f4").tobytes(), per, dimension=2),
+            "own ticks": own_ticks(np.arange(first, first + per)),
+            "none": sync(first, b"", 0),
+            "unknown part": one + part(99, b"12345678"),
+            "other part": part(4, bytes(40)),
+        }.get(kind, one)
+        parts = [one] if kind == "part missing" else [other, one]
+        parts += [channels(("p", "MPa", 3.0, 0.5), "a")] if kind == "other text" else []
+        parts += [channels(("p", "MPa", 2.0, 0.5), "a")] if kind == "text" else []
+        parts += [START] if kind == "start" else []
+        status = {"wrong": 0x10000000, "last": 2}.get(kind, 0)
+        at = max(number - 3, 0) if kind == "late" else number
+        data.append((packet(at, *parts, status=status, seed=seed), packet(at, seed=seed)))
+    return data
+
+
+def own_ticks(ticks: Any) -> bytes:
+    rows = b"".join(struct.pack("<Qf", tick, tick) for tick in ticks.tolist())
+    return part(5, struct.pack("<3Id", 10, 1, len(ticks), RATE_HZ) + rows)
+
+
+def told(items: list[Any]) -> list[Any]:
+    """Return items so that they can be compared."""
+    return [
+        (one.channel, one.first_tick, one.raw.tolist(), None if one.ticks is None else one.ticks.tolist())
+        if isinstance(one, TickSamples)
+        else one
+        for one in items
+    ]
+
+
+def test_a_packet_means_the_same_whether_or_not_it_is_laid_out_as_the_one_before() -> None:
+    for kinds in ONE_AFTER_ANOTHER:
+        packets = packets_of(kinds)
+        one_by_one = OxygenDecoder()
+        apart = [item for both in packets for each in both for item in one_by_one.feed(each)]
+        assert told(decoded(*(one for one, _ in packets))) == told(apart), kinds
+
+
+def test_a_stream_can_be_followed_without_its_numbers() -> None:
+    for kinds in ONE_AFTER_ANOTHER:
+        packets = [one for one, _ in packets_of(kinds)]
+        decoder = OxygenDecoder()
+        followed = [item for one in packets for item in decoder.follow(one)]
+        expected = [
+            TickSpan(one.channel, one.first_tick, one.raw.size, 4, one.ticks is not None)
+            if isinstance(one, TickSamples)
+            else one
+            for one in decoded(*packets)
+        ]
+        assert followed == expected, kinds
+        assert all(one.samples for one in followed if isinstance(one, TickSpan)), kinds
+
+
+def test_what_a_device_says_of_a_stream_holds_for_packets_laid_out_as_those_before() -> None:
+    decoder = OxygenDecoder()
+    before = [item for number in range(2) for item in decoder.feed(packet(number, floats(0, [1]), floats(0, [2])))]
+    assert values(before, 1) == [2, 2]
+    decoder.describe(StreamDescription((TickChannel("p", "MPa", Fraction(500)), TickChannel("a", "V", Fraction(500)))))
+    assert faults(decoder.feed(packet(2, floats(2, [1]), floats(2, [2])))) == [
+        "a packet of other rates than are described"
+    ]
 
 
 @pytest.mark.parametrize("unread", [part(4, bytes(40)), part(6, bytes(40)), sync(0, b"abcd", 1, code=14)])
