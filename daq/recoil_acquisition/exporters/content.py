@@ -16,6 +16,7 @@ from recoil_acquisition.clocks.one_grid import OnGrid, grid, read_on_grid
 from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.errors import StoreError, nearest_first
 from recoil_acquisition.files.bounded_toml import parse_toml
+from recoil_acquisition.shot.quality_check import Check
 from recoil_acquisition.shot.shot import Shot
 from recoil_acquisition.store.channel_layout import by_time_base
 from recoil_acquisition.store.table import finite, json_text, tree_names
@@ -186,6 +187,8 @@ def gather(shot: Shot, provenance: Mapping[str, Any], names: Sequence[str] = (),
     if counted := [c.name for c in chosen if c.raw is not None]:
         notes.append(f"raw counts stay in the shot file; scaled SI values are exported of {', '.join(counted)}")
     notes.append("the rig file, CAN databases and the record of the acquisition stay in the shot file")
+    if previews := _previews(shot):
+        notes.append(f"what was read live of {', '.join(previews)} is a preview: the instrument's own file replaces it")
     groups = _grouped(chosen)
     clocks = list(dict.fromkeys(group.clock for group in groups))
     if aligned:
@@ -255,6 +258,11 @@ def _start(shot: Shot) -> AbsoluteStart | None:
     return next((start for start in starts if start is not None), None)
 
 
+def _previews(shot: Shot) -> list[str]:
+    """Return the sources of which the shot has what was read live alone."""
+    return [one.channel for one in shot.quality if one.check == Check.PREVIEW]
+
+
 def _document(shot: Shot, provenance: Mapping[str, Any], aligned: bool) -> dict[str, Any]:
     document: dict[str, Any] = _plain(
         {
@@ -267,6 +275,7 @@ def _document(shot: Shot, provenance: Mapping[str, Any], aligned: bool) -> dict[
             "usable": shot.usable,
             "state": shot.state.value,
             "reasons": list(shot.reasons),
+            "previews": _previews(shot),
             "alignment": [
                 a.to_json() for a in shot.alignments
             ],

@@ -11,6 +11,7 @@ from typing import Any
 
 from recoil_acquisition.measured import beside, with_figures
 from recoil_acquisition.remark import Reason, ReasonCode
+from recoil_acquisition.shot.quality_check import Check
 from recoil_identification.shot.baseline import Baseline
 from recoil_identification.shot.shot_summary import ShotSummary
 from recoil_rigs.tables.calibration_day import CalibrationDay
@@ -68,6 +69,8 @@ class CampaignShot:
         Chains of its channels, and constants of its rig, as its report states them.
     calibration_day
         Day by which its calibrations are judged; None where its report states neither that nor a start.
+    previews
+        Sources of which it had what was read live alone: their instruments' own files were to come.
     """
 
     name: str
@@ -95,6 +98,7 @@ class CampaignShot:
     channels: tuple[Mapping[str, Any], ...] = ()
     constants: tuple[Mapping[str, Any], ...] = ()
     calibration_day: CalibrationDay | None = None
+    previews: tuple[str, ...] = ()
 
     @classmethod
     def of_report(cls, document: Mapping[str, Any]) -> CampaignShot:
@@ -136,6 +140,9 @@ class CampaignShot:
                 channels=tuple(map(_channel, document.get("channels") or ())),
                 constants=tuple(map(_constant, document.get("constants") or ())),
                 calibration_day=CalibrationDay.of_report(document),
+                previews=tuple(
+                    str(one["about"]) for one in document.get("findings") or () if one["code"] == Check.PREVIEW
+                ),
             )
         except (KeyError, TypeError, AttributeError, OverflowError) as error:
             raise ValueError(f"it is no report of a shot: {type(error).__name__}: {error}") from error

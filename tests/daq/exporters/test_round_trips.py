@@ -20,6 +20,7 @@ from recoil_acquisition.exporters.publication import ExportedFile, write_export
 from recoil_acquisition.exporters.table import EXPORTERS, exporter_of
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
+from recoil_acquisition.shot.quality_check import Check, QualityCheck
 from recoil_acquisition.shot.shot import Shot
 from tests.builders.exported_files import odd_shots
 from tests.builders.shots import make_shot
@@ -312,6 +313,14 @@ def test_even_spacing_stays_even_when_it_is_mapped():
     (group,) = gather(shot, {}, aligned=True).groups
     assert group.time_base.step_s == 1e-3 * (1 + 2e-5)
     np.testing.assert_allclose(group.time_base.times_s, alignment.to_reference(base.times_s), rtol=0, atol=1e-15)
+
+
+def test_an_export_says_of_which_sources_it_has_a_preview_alone():
+    live = QualityCheck("dewetron", Check.PREVIEW, "warn", "what was read live is a preview")
+    content = gather(replace(SHOT, quality=(*SHOT.quality, live)), {}, ["p_breech"])
+    assert content.document["previews"] == ["dewetron"]
+    assert any("read live of dewetron is a preview" in note for note in content.notes)
+    assert gather(SHOT, {}, ["p_breech"]).document["previews"] == []
 
 
 def test_what_the_rig_says_of_a_sensor_goes_with_the_channel():

@@ -410,6 +410,17 @@ def test_a_report_comes_back_as_the_shot_that_it_is_of() -> None:
     assert np.array_equal(again.summary.triangle, shot.summary.triangle)
 
 
+def test_a_campaign_names_the_shots_that_are_by_a_preview() -> None:
+    live = {"code": "preview", "about": "dewetron", "severity": "warn", "text": "what was read live is a preview"}
+    by_preview = [report_of(shot) | ({"findings": [live]} if i in (1, 3) else {}) for i, shot in enumerate(WEIGHED)]
+    document = answer(tuple(map(CampaignShot.of_report, by_preview)))
+    (note,) = (one for one in document["findings"] if one["code"] == "preview")
+    assert note["about"] == "dewetron"
+    assert "preview in shots 0002, 0004:" in note["text"]
+    assert note["text"] in document["notes"]
+    assert not [one for one in answer(WEIGHED)["findings"] if one["code"] == "preview"]
+
+
 @pytest.mark.parametrize(
     "changes",
     [

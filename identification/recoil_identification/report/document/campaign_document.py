@@ -78,7 +78,7 @@ def campaign_document(
         Forms in which its page is drawn, as those of
         `recoil_identification.report.document.document.report_document`.
     """
-    mass, notes = campaign.mass, (*campaign.notes, *campaign.next_steps.notes)
+    mass, notes = campaign.mass, (*campaign.notes, *campaign.next_steps.notes, *_previewed(campaign))
     document: dict[str, Any] = {
         "schema": SCHEMA,
         "rig": campaign.rig,
@@ -202,6 +202,17 @@ def _dated(campaign: Campaign) -> Iterator[Caution]:
             if said := "; ".join(filter(None, day.faults(_date(one["calibrated"]), _date(one["due"])))):
                 yield Caution(Check.CALIBRATION, one["channel"], f"{one['channel']}: {said}")
                 break
+
+
+def _previewed(campaign: Campaign) -> Iterator[Note]:
+    """Name the shots that were found by what was read live of an instrument."""
+    live: dict[str, list[str]] = {}
+    for used in campaign.shots:
+        for source in () if used.excluded else used.shot.previews:
+            live.setdefault(source, []).append(used.shot.name)
+    for source, shots in live.items():
+        told = f"what was read live of {source} is a preview in shots {', '.join(shots)}: the instrument's own files "
+        yield Note(Check.PREVIEW, source, told + "replace it, and the campaign is to be made anew then")
 
 
 def _date(text: str | None) -> dt.date | None:
