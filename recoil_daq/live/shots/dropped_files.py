@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime as dt
+import re
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -12,6 +13,7 @@ from pathlib import Path
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError, quoted
 from recoil_acquisition.files.shot_name import numbers_of
+from recoil_acquisition.log.segment import SUFFIX
 from recoil_daq.live.display import Display
 from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState, capture_path
 from recoil_daq.live.shots.file_match import CLOCKS_APART_S, shots_of, source_of, sources_of_file
@@ -201,8 +203,8 @@ class DroppedFiles:
             one.asked = found.shots
             self._ask(one)
         elif not found.shots and time.monotonic() - file.seen_s > self._post_s + _UNMATCHED_S:
-            remedy = "write the shot's number into its name, or ingest by hand"
-            self._display.notice(f"left alone: {file.path}: {found.why_none}; {remedy}")
+            why = f"{found.why_none}; write the shot's number into its name, or ingest by hand"
+            self._display.notice(f"left alone: {file.path}: {self._of_before(file.path, pattern) or why}")
             self._unmatched.remove(one)
 
     def _assign(self, one: Unmatched, shot: LiveShot, *, by_number: bool = False) -> None:
@@ -238,6 +240,16 @@ class DroppedFiles:
             f"whose is {path.name}? A file of {one.source} for shot {' or '.join(names)}: {press}"
             f"rename it to {path.stem}_{names[-1]}{path.suffix} or so, or ingest by hand, such as `{command}`"
         )
+
+    def _of_before(self, path: Path, pattern: re.Pattern[str] | None) -> str:
+        """Say how a file comes into the shot of its number that a session before recorded; empty if there is none."""
+        numbers = numbers_of(path, pattern)
+        captured = sorted(one.stem for one in capture_path(self._out, "").parent.glob(f"*{SUFFIX}"))
+        for shot in (name for name in captured if name.isdecimal() and int(name) in numbers):
+            anew = " --overwrite" if (self._out / f"{shot}.h5").exists() else ""
+            command = f"`{self._command(shot, path)}{anew}`"
+            return f"shot {shot} is of a session before, {command} with its other files takes it into that"
+        return ""
 
     def _command(self, shot: str, path: Path) -> str:
         """Return the command that takes a file into a shot by hand."""

@@ -323,6 +323,27 @@ def test_a_file_whose_number_no_shot_bears_is_left_alone_aloud(
     assert outcome.shots[0].missing == ("camera", "dewetron")
 
 
+@pytest.mark.parametrize(("made", "anew"), [(True, " --overwrite"), (False, "")], ids=["made", "waiting"])
+def test_a_file_of_a_shot_that_a_session_before_recorded_is_told_how_it_comes_into_it(
+    tmp_path: Path, range_of: RangeOf, monkeypatch: pytest.MonkeyPatch, made: bool, anew: str
+) -> None:
+    monkeypatch.setattr("recoil_daq.live.shots.dropped_files._UNMATCHED_S", 0.2)
+    display = Told()
+    one = range_of(display)
+    capture = tmp_path / "captures" / "0003.rdlog"
+    capture.parent.mkdir(parents=True, exist_ok=True)
+    capture.write_bytes(b"")
+    if made:
+        (tmp_path / "0003.h5").write_bytes(b"")
+    display.then["0001 captured"] = drop(tmp_path / "in", "0003_imu.bin")
+    display.quits = lambda: bool(display.told("left alone"))
+    one.session.fired(one.clock.monotonic() - 1.0)
+    one.run()
+    (told,) = display.told("left alone")
+    assert "shot 0003 is of a session before" in told
+    assert f"{capture} {tmp_path / 'in' / '0003_imu.bin'} --out {tmp_path}{anew}` with its other files" in told
+
+
 def test_a_shot_whose_motion_does_not_fit_is_told_to_be_perhaps_of_files_of_two_shots(
     tmp_path: Path, range_of: RangeOf
 ) -> None:
