@@ -71,7 +71,7 @@ class Part(NamedTuple):
 
     @property
     def layout(self) -> tuple[Fraction, int, bool, bool]:
-        """Properties that do not change within a description."""
+        """Layout, which does not change within a description."""
         return self.rate, 0 if self.place is None else self.place.width, self.is_complex, self.ticks is not None
 
 
@@ -115,7 +115,7 @@ def shape_of(packet: bytes, heads: Sequence[int], parts: Sequence[Part]) -> Pack
     heads
         Places at which its parts begin.
     parts
-        Samples in it, at least of one channel.
+        Samples of at least one channel.
     """
     places = [one.place for one in parts if one.place is not None and one.ticks is None]
     if len(places) < len(parts):
