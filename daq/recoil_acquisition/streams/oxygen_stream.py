@@ -68,7 +68,7 @@ class TickSpan(NamedTuple):
     Attributes
     ----------
     channel, first_tick
-        As of `TickSamples`.
+        Place of the channel and tick of its first sample, as of `TickSamples`.
     samples
         Number of samples, at least 1.
     sample_bytes
