@@ -15,7 +15,6 @@ from recoil_acquisition.errors import ReadError, RecoilDaqError, quoted
 from recoil_acquisition.log.folder import find_logs
 from recoil_acquisition.log.segment import SUFFIX
 from recoil_daq.live.display import Display
-from recoil_daq.live.free_memory import return_large_blocks
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range import REST_S, LiveRange, trigger_of
 from recoil_daq.live.range_state import RangeState
@@ -76,7 +75,6 @@ def run_live(
         _refuse_own_folder(options.watch, options.out)
         if not is_virtual_rig(rig):
             _check_watched(options.watch)
-    return_large_blocks()
     with OutputFolder(options.out) as folder:
         left, recovered = _recover(rig, options, display)
         first = options.first or free_number(options.out)
