@@ -204,7 +204,7 @@ class DroppedFiles:
             self._ask(one)
         elif not found.shots and time.monotonic() - file.seen_s > self._post_s + _UNMATCHED_S:
             why = f"{found.why_none}; write the shot's number into its name, or ingest by hand"
-            self._display.notice(f"left alone: {file.path}: {self._of_before(file.path, pattern) or why}")
+            self._display.notice(f"left alone: {file.path}: {self._of_before(file.path, pattern, shots) or why}")
             self._unmatched.remove(one)
 
     def _assign(self, one: Unmatched, shot: LiveShot, *, by_number: bool = False) -> None:
@@ -241,9 +241,9 @@ class DroppedFiles:
             f"rename it to {path.stem}_{names[-1]}{path.suffix} or so, or ingest by hand, such as `{command}`"
         )
 
-    def _of_before(self, path: Path, pattern: re.Pattern[str] | None) -> str:
+    def _of_before(self, path: Path, pattern: re.Pattern[str] | None, shots: Sequence[LiveShot]) -> str:
         """Say how a file comes into the shot of its number that a session before recorded; empty if there is none."""
-        numbers = numbers_of(path, pattern)
+        numbers = numbers_of(path, pattern) - {int(shot.name) for shot in shots if shot.name.isdecimal()}
         captured = sorted(one.stem for one in capture_path(self._out, "").parent.glob(f"*{SUFFIX}"))
         for shot in (name for name in captured if name.isdecimal() and int(name) in numbers):
             anew = " --overwrite" if (self._out / f"{shot}.h5").exists() else ""

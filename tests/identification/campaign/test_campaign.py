@@ -416,7 +416,7 @@ def test_a_campaign_names_the_shots_that_are_by_a_preview() -> None:
     document = answer(tuple(map(CampaignShot.of_report, by_preview)))
     (note,) = (one for one in document["findings"] if one["code"] == "preview")
     assert note["about"] == "dewetron"
-    assert "preview in shots 0002, 0004:" in note["text"]
+    assert "of dewetron, in shot 0002, 0004:" in note["text"]
     assert note["text"] in document["notes"]
     assert not [one for one in answer(WEIGHED)["findings"] if one["code"] == "preview"]
 

@@ -344,6 +344,24 @@ def test_a_file_of_a_shot_that_a_session_before_recorded_is_told_how_it_comes_in
     assert f"{capture} {tmp_path / 'in' / '0003_imu.bin'} --out {tmp_path}{anew}` with its other files" in told
 
 
+def test_a_file_of_a_source_that_a_shot_has_live_is_of_no_session_before(
+    tmp_path: Path, range_of: RangeOf, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("recoil_daq.live.shots.dropped_files._UNMATCHED_S", 0.2)
+    display = Told()
+    one = range_of(display)
+    capture = tmp_path / "captures" / "0001.rdlog"
+    display.then["0001 captured"] = lambda: (
+        capture.parent.mkdir(parents=True, exist_ok=True),
+        capture.write_bytes(b""),
+        drop(tmp_path / "in", "0001_imu.bin")(),
+    )  # type: ignore[assignment,return-value]
+    display.quits = lambda: bool(display.told("left alone"))
+    one.session.fired(one.clock.monotonic() - 1.0)
+    one.run()
+    assert not display.told("of a session before")
+
+
 def test_a_shot_whose_motion_does_not_fit_is_told_to_be_perhaps_of_files_of_two_shots(
     tmp_path: Path, range_of: RangeOf
 ) -> None:

@@ -211,8 +211,8 @@ def _previewed(campaign: Campaign) -> Iterator[Note]:
         for source in () if used.excluded else used.shot.previews:
             live.setdefault(source, []).append(used.shot.name)
     for source, shots in live.items():
-        told = f"what was read live of {source} is a preview in shots {', '.join(shots)}: the instrument's own files "
-        yield Note(Check.PREVIEW, source, told + "replace it, and the campaign is to be made anew then")
+        told = f"by a preview, what was read live of {source}, in shot {', '.join(shots)}: when the instrument's own "
+        yield Note(Check.PREVIEW, source, told + "file has replaced it, the campaign is to be made anew")
 
 
 def _date(text: str | None) -> dt.date | None:
