@@ -247,8 +247,8 @@ class DroppedFiles:
         captured = sorted(one.stem for one in capture_path(self._out, "").parent.glob(f"*{SUFFIX}"))
         for shot in (name for name in captured if name.isdecimal() and int(name) in numbers):
             anew = " --overwrite" if (self._out / f"{shot}.h5").exists() else ""
-            command = f"`{self._command(shot, path)}{anew}`"
-            return f"shot {shot} is of a session before, {command} with its other files takes it into that"
+            command = self._command(shot, path) + anew
+            return f"shot {shot} is of a session before, `{command}` with its other files takes it into that"
         return ""
 
     def _command(self, shot: str, path: Path) -> str:
