@@ -9,7 +9,7 @@ from __future__ import annotations
 import select
 import socket
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -79,7 +79,8 @@ class OxygenDevice(ReopenedDevice):
         self._unread: deque[tuple[bytes, int]] = deque()
         self._piece = bytearray(LARGEST_PIECE)
         self._said_ns = self._told_ns = self._asked_ns = 0
-        self._bad = self._untold = self._gaps = self._lost_packets = 0
+        self._bad = self._untold = self._lost_packets = 0
+        self._gaps: Counter[int] = Counter()
         self._problem = ""
         self._finishing = False
         self._read_s = 0.0
@@ -108,7 +109,9 @@ class OxygenDevice(ReopenedDevice):
     def counters(self) -> Counters:
         """Counts of what it received and lost so far."""
         found = self._counters(bad=self._bad, kernel_drops=None)
-        return replace(found, counter_gaps=self._gaps + self._lost_packets + self._decoder.lost_packets)
+        # one packet that is lost is missing in the ticks of each channel, and by its own number
+        lost_packets = self._lost_packets + self._decoder.lost_packets
+        return replace(found, counter_gaps=max(lost_packets, *self._gaps.values(), 0))
 
     def _open_fault(self, error: Exception) -> DeviceError:
         said = " ".join(str(error).split())[:300] or type(error).__name__
@@ -239,7 +242,7 @@ class OxygenDevice(ReopenedDevice):
             if isinstance(item, TickSpan):
                 self._sample_bytes.setdefault(item.channel, item.sample_bytes)
                 expected = self._next.get(item.channel, item.first_tick)
-                self._gaps += not item.has_ticks and item.first_tick > expected
+                self._gaps[item.channel] += not item.has_ticks and item.first_tick > expected
                 ends = item.first_tick + item.samples
                 if ends >= expected or ends < expected - self._rate_of(item.channel):  # else they came late, or twice
                     self._next[item.channel] = ends

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +24,8 @@ from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.devices.oxygen_device import OxygenDevice
 from recoil_acquisition.errors import DeviceError
 from recoil_acquisition.readers.reader import Declarations
-from recoil_rigs.twin.oxygen_packets import WireChannel, raw_of
-from recoil_rigs.twin.oxygen_recorder import OxygenRecorder, RecorderContent
+from recoil_rigs.twin.oxygen_packets import Raw, WireChannel, raw_of
+from recoil_rigs.twin.oxygen_recorder import GOOD, Handling, OxygenRecorder, RecorderContent
 from tests.builders.oxygen_client import Listener, OxygenClient
 from tests.builders.tick_streams import PATH, captured
 
@@ -204,6 +205,21 @@ def test_a_lost_connection_is_made_again_and_the_gap_is_known_to_the_tick(record
     assert 0.15 * RATE_HZ < missing < 3.0 * RATE_HZ
     assert any(f"samples are missing, {missing} from tick" in note for note in recording.notes)
     assert device.counters.reopened == 1
+
+
+@pytest.mark.real_time
+def test_a_packet_that_is_lost_is_counted_once_however_many_channels_it_has(recorder: OxygenRecorder) -> None:
+    device, send, sent = opened(recorder), recorder.send, count()
+
+    def lossy(first: int, raw: Raw, handling: Handling = GOOD) -> bool:
+        del handling
+        return send(first, raw, Handling(lost=next(sent) in (5, 11, 12)))
+
+    recorder.send = lossy  # type: ignore[method-assign]
+    read_until(device, for_s(0.4))
+    device.close()
+    assert next(sent) > 14
+    assert device.counters.counter_gaps == 3
 
 
 @pytest.mark.real_time
