@@ -248,9 +248,8 @@ def _judged(
         with source.live_kind.at_work():
             signals = signals_of(source, source.channels)
             for block in blocks:
-                fed = signals.feed(block)
-                if span_ns[0] <= block.host_ns < span_ns[1]:
-                    for samples in fed:
+                for samples in signals.feed(block):
+                    if span_ns[0] <= block.host_ns < span_ns[1]:
                         heard_of[samples.channel].append(samples)
             stamped = signals.stamped_by([block for block in within if block.is_data])
     except RecoilDaqError as error:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from recoil_acquisition.capture.late_reads import LateReads
@@ -180,12 +180,10 @@ class CaptureEngine:
         """Take the next block of a source; blocks of one source come in order."""
         if block.kind == IDLE:
             return  # a source that falls silent within a shot is waited for, and named
-        latest_s = block.host_ns / 1e9
-        samples = self._decoded(block, latest_s)
+        self._look_at(block, block.host_ns / 1e9)
         if block.kind == EVENT:
             self._heed(block)
             return
-        self._show(samples, latest_s)
         self._delivered(block)
 
     def take_unseen(self, block: Block) -> None:
@@ -222,14 +220,14 @@ class CaptureEngine:
         if block.source in self._triggering and self.armed and event_of(block).name == CHANGED:
             self.disarm()
 
-    def _decoded(self, block: Block, at_s: float) -> list[LiveSamples]:
-        """Return the samples of a block, past the trigger; nothing more of a source once that failed."""
+    def _look_at(self, block: Block, at_s: float) -> None:
+        """Decode a block for the trigger and the screen; nothing more of a source once that failed."""
         if block.source in self._faults:
-            return []
+            return
         try:
-            samples = self._looks[block.source].at(block, at_s)
-            for one in samples:
+            for one in self._looks[block.source].at(block, at_s):
                 self._note(self._detector.feed(one.channel, one.times_s, one.values))
+                self._show(one, at_s)
         except Exception as error:  # whatever it is, the others go on, and this one is recorded
             known = isinstance(error, RecoilDaqError)
             text = " ".join(str(error).split()) if known else f"{type(error).__name__}: {error}"
@@ -238,8 +236,6 @@ class CaptureEngine:
                 text += "; the trigger looks at it: disarmed"
             self._faults[block.source] = text
             self._new_faults.append(block.source)
-            return []
-        return samples
 
     def _delivered(self, block: Block) -> None:
         """Note that a source has delivered all that arrived before it was found empty."""
@@ -251,18 +247,17 @@ class CaptureEngine:
         self._cutter.note(decisions)
         self._news += decisions
 
-    def _show(self, samples: Sequence[LiveSamples], now_s: float) -> None:
-        """Keep low, high and last of the channels, for as long as the screen shows them."""
-        for one in samples:
-            spans = self._levels[one.channel]
-            low, high, last = float(one.values.min()), float(one.values.max()), float(one.values[-1])
-            if spans and now_s - spans[-1][0] < LOOK_EVERY_S:
-                time_s, span = spans.pop()
-                spans.append((time_s, Level(last, min(span.low, low), max(span.high, high))))
-            else:
-                spans.append((now_s, Level(last, low, high)))
-            while now_s - spans[0][0] > LEVEL_SPAN_S:
-                spans.popleft()
+    def _show(self, one: LiveSamples, now_s: float) -> None:
+        """Keep low, high and last of a channel, for as long as the screen shows them."""
+        spans = self._levels[one.channel]
+        low, high, last = float(one.values.min()), float(one.values.max()), float(one.values[-1])
+        if spans and now_s - spans[-1][0] < LOOK_EVERY_S:
+            time_s, span = spans.pop()
+            spans.append((time_s, Level(last, min(span.low, low), max(span.high, high))))
+        else:
+            spans.append((now_s, Level(last, low, high)))
+        while now_s - spans[0][0] > LEVEL_SPAN_S:
+            spans.popleft()
 
 
 class _Look:
@@ -278,21 +273,20 @@ class _Look:
         self._looked_s = -math.inf
         self._looking = False
 
-    def at(self, block: Block, now_s: float) -> list[LiveSamples]:
-        samples = [] if self._needed is None else self._needed.feed(block)
+    def at(self, block: Block, now_s: float) -> Iterator[LiveSamples]:
+        if self._needed is not None:
+            yield from self._needed.feed(block)
         if self._rest is None:
-            return samples
+            return
         if block.kind == EVENT:  # what a device says of itself holds for what is looked at later, too
-            return samples + self._rest.feed(block)
-        if not (self._looking or now_s - self._looked_s >= LOOK_EVERY_S):
-            return samples
-        if not self._looking:
-            self._rest.skip()
-        shown = self._rest.feed(block)
-        self._looking = not shown
-        if shown:
-            self._looked_s = now_s
-        return samples + shown
+            yield from self._rest.feed(block)
+        elif self._looking or now_s - self._looked_s >= LOOK_EVERY_S:
+            if not self._looking:
+                self._rest.skip()
+            self._looking = True
+            for one in self._rest.feed(block):
+                self._looking, self._looked_s = False, now_s
+                yield one
 
     def skip(self) -> None:
         for signals in (self._needed, self._rest):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -126,8 +126,11 @@ class LiveSamples(ReadOnlyArrays):
 class LiveSignals(Protocol):
     """Channels of one live source, decoded block by block."""
 
-    def feed(self, block: Block) -> list[LiveSamples]:
-        """Take the next block; return the samples that it completes."""
+    def feed(self, block: Block) -> Iterable[LiveSamples]:
+        """Take the next block; return the samples that it completes, all of which are taken before the block behind it.
+
+        They may be decoded as they are taken: of many fast channels no more than one is held at a time then.
+        """
 
     def skip(self) -> None:
         """Note that data is missing before the next block."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples
 from recoil_acquisition.devices.described import DESCRIBED, DescribedEvents
@@ -36,20 +38,11 @@ class TickSignals:
         self._description: StreamDescription | None = None
         self._clocks: dict[str, _Clock] = {}
 
-    def feed(self, block: Block) -> list[LiveSamples]:
-        """Take the next block; return the samples that it completes."""
+    def feed(self, block: Block) -> Iterable[LiveSamples]:
+        """Take the next block; return the samples that it completes, decoded as they are taken."""
         if block.kind == EVENT:
             self._heed(block)
-            return []
-        if not block.is_data:
-            return []
-        samples: list[LiveSamples] = []
-        for item in self._decoder.feed(block.payload):
-            if isinstance(item, StreamDescription):
-                self._describe(item)
-            elif isinstance(item, TickSamples) and self._description is not None:
-                samples += self._samples(item, self._description, block.host_ns)
-        return samples
+        return self._decoded(block) if block.is_data else ()
 
     def skip(self) -> None:
         """Note that bytes are missing before the next block."""
@@ -83,26 +76,33 @@ class TickSignals:
             for clock in self._clocks.values():
                 clock.restart()
 
-    def _samples(self, item: TickSamples, description: StreamDescription, host_ns: int) -> list[LiveSamples]:
+    def _decoded(self, block: Block) -> Iterator[LiveSamples]:
+        for item in self._decoder.feed(block.payload):
+            if isinstance(item, StreamDescription):
+                self._describe(item)
+            elif isinstance(item, TickSamples) and self._description is not None:
+                yield from self._samples(item, self._description, block.host_ns)
+
+    def _samples(self, item: TickSamples, description: StreamDescription, host_ns: int) -> Iterator[LiveSamples]:
         if item.channel >= len(description.channels) or not item.raw.size:
-            return []
+            return
         channel = description.channels[item.channel]
         wanted = self._wanted.get(channel.name)
         if not wanted or not channel.tick_rate:
-            return []
+            return
         if channel.name not in self._clocks:
             self._clocks[channel.name] = _Clock(channel)
         dated = self._clocks[channel.name].dated(channel, item, host_ns)
         if dated is None:
-            return []
+            return
         first, times_s = dated
-        values = channel.factor * item.raw[first:].astype(np.float64) + channel.offset
-        found = np.isfinite(values)
-        if not found.all():  # what is no number is no value
-            times_s, values = times_s[found], values[found]
-        if not values.size:
-            return []
-        return [LiveSamples(one.name, times_s, one.factor * values + one.offset) for one in wanted]
+        for one in wanted:
+            values = _in_si(item.raw[first:], channel, one)
+            found = np.isfinite(values)
+            if found.all():
+                yield LiveSamples(one.name, times_s, values)
+            elif found.any():  # what is no number is no value
+                yield LiveSamples(one.name, times_s[found], values[found])
 
 
 class _Clock:
@@ -147,6 +147,14 @@ class _Clock:
             return again, times_s
         new = int(np.searchsorted(numbers, first + again))
         return new, times_s[numbers[new:] - first - again]
+
+
+def _in_si(raw: NDArray[Any], channel: TickChannel, wanted: LiveChannel) -> Array:
+    """Return numbers of a stream in the SI unit of a channel: both lines as one, in one pass."""
+    with np.errstate(over="ignore", invalid="ignore"):  # what comes of it is no number, and left out
+        values: Array = np.multiply(raw, wanted.factor * channel.factor, dtype=np.float64)
+        values += wanted.factor * channel.offset + wanted.offset
+    return values
 
 
 def _sample_rate(channel: TickChannel) -> Fraction:

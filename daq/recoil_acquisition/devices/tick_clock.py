@@ -131,11 +131,15 @@ class TickClock:
             self._offset_s, self._at_s = target_s, (first - 1 - self._origin) / self._rate_hz
         passed_s = ends_s - self._at_s
         turned_s = min(max(target_s - self._offset_s, -SLEW * passed_s), SLEW * passed_s)
-        ticks_s = (first - self._origin + np.arange(count)) / self._rate_hz
-        times_s = ticks_s + self._offset_s + turned_s * (ticks_s - self._at_s) / passed_s
+        # the instants are a line, in place: of many fast channels each pass over them counts
+        first_s, turns = (first - self._origin) / self._rate_hz, 1.0 + turned_s / passed_s
+        times_s = np.arange(count, dtype=np.float64)
+        times_s *= turns / self._rate_hz
+        times_s += self._offset_s + turns * first_s - (turns - 1.0) * self._at_s
         self._offset_s, self._at_s = self._offset_s + turned_s, ends_s
         self._u_s = abs(target_s - self._offset_s) + spread_s / math.sqrt(12.0)
-        times_s = np.maximum(times_s, self._latest_s)
+        if times_s[0] < self._latest_s:
+            np.maximum(times_s, self._latest_s, out=times_s)
         self._latest_s = float(times_s[-1])
         return times_s
 

@@ -97,7 +97,7 @@ class PacketShape:
     ticks_at: tuple[int, ...]
     parts: tuple[Part, ...]
 
-    def parts_of(self, packet: bytes) -> list[Part] | None:
+    def parts_of(self, packet: memoryview) -> list[Part] | None:
         """Return the samples of a packet that is laid out so; None if it is another."""
         if len(packet) != self.size or np.frombuffer(packet, np.uint8)[self.places].tobytes() != self.said:
             return None
@@ -107,7 +107,7 @@ class PacketShape:
         return [Part(one.rate, one.place, one.is_complex, tick) for one, tick in zip(self.parts, ticks, strict=True)]
 
 
-def shape_of(packet: bytes, heads: Sequence[int], parts: Sequence[Part]) -> PacketShape | None:
+def shape_of(packet: memoryview, heads: Sequence[int], parts: Sequence[Part]) -> PacketShape | None:
     """Return how a packet is laid out; None where not all of its samples are of fixed rates.
 
     Parameters
@@ -129,7 +129,7 @@ def shape_of(packet: bytes, heads: Sequence[int], parts: Sequence[Part]) -> Pack
     return PacketShape(len(packet), where, np.frombuffer(packet, np.uint8)[where].tobytes(), ticks_at, tuple(parts))
 
 
-def part_of(packet: bytes, begins: int, ends: int, kind: int) -> Part:
+def part_of(packet: memoryview, begins: int, ends: int, kind: int) -> Part:
     """Read the head of the samples of one channel; ValueError if they are not what it says.
 
     Parameters
@@ -174,7 +174,7 @@ def _exactly(rate_hz: float) -> Fraction:
     return Fraction(rate_hz)
 
 
-def columns_of(packet: bytes, place: SamplePlace) -> NDArray[Any]:
+def columns_of(packet: memoryview, place: SamplePlace) -> NDArray[Any]:
     """Return the numbers of some samples, shape (length, width).
 
     A number of three bytes is read as one of four that begins a byte before it, and shifted down.

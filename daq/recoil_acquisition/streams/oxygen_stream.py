@@ -108,7 +108,8 @@ class OxygenDecoder:
         self._start_utc_ns: int | None = None
         self._layout: tuple[Any, ...] = ()
         self._told_of: tuple[Any, ...] = ()
-        self._held = bytearray()
+        self._held: list[bytes] = []  # put together once all of a packet is there: a large one comes in many pieces
+        self._held_bytes = self._due_bytes = 0
         self._in_step = self._is_wrong = False
         self._unsaid = ""
         self._shape: PacketShape | None = None
@@ -122,9 +123,10 @@ class OxygenDecoder:
         return self._taken(data, with_numbers=False)
 
     def _taken(self, data: bytes, *, with_numbers: bool) -> list[Any]:
-        self._held += data
+        self._held.append(data)
+        self._held_bytes += len(data)
         items: list[Any] = []
-        while (packet := self._next(items)) is not None:
+        for packet in self._packets(items) if self._held_bytes >= self._due_bytes else ():
             found, parts = self._read(packet)
             items += found
             items += _samples(packet, parts) if with_numbers else _spans(parts)
@@ -132,7 +134,7 @@ class OxygenDecoder:
 
     def skip(self) -> None:
         """Note that bytes are missing before the next: what is half there will not be completed."""
-        self._held.clear()
+        self._hold(b"", 0)
         self._in_step, self.info = False, None
         self._stated = None  # what the stream said of itself may have been said anew since
 
@@ -141,47 +143,50 @@ class OxygenDecoder:
         if self._stated is None:
             self.description, self._layout, self._unsaid, self._shape = description, (), "", None
 
-    def _next(self, items: list[TickItem]) -> bytes | None:
-        """Return the next whole packet; None where it is not there yet."""
-        held = self._held
-        while len(held) >= _LEAST_PACKET:
-            token, size = _HEAD.unpack_from(held)
+    def _hold(self, rest: bytes, due_bytes: int) -> None:
+        """Hold what no packet is yet until so many bytes are there."""
+        self._held, self._held_bytes, self._due_bytes = [rest] if rest else [], len(rest), due_bytes
+
+    def _packets(self, items: list[TickItem]) -> Iterator[memoryview]:
+        """Yield the whole packets that are held, and say what is between them; hold the rest."""
+        held = b"".join(self._held)
+        at, due_bytes, view = 0, _LEAST_PACKET, memoryview(held)
+        while len(held) - at >= _LEAST_PACKET:
+            token, size = _HEAD.unpack_from(held, at)
             plausible = _LEAST_PACKET <= size <= LARGEST_PACKET
-            begins = token == TOKEN and plausible and PART.unpack_from(held, _HEAD.size) == (_INFO_SIZE, 1)
-            if begins:
-                if len(held) < size:
-                    return None
-                with memoryview(held) as whole:
-                    packet = bytes(whole[:size])
-                del held[:size]
+            if token == TOKEN and plausible and PART.unpack_from(held, at + _HEAD.size) == (_INFO_SIZE, 1):
+                if len(held) - at < size:
+                    due_bytes = size
+                    break
                 self._in_step = True
-                return packet
+                yield view[at : at + size]
+                at += size
+                continue
             if self._in_step:
                 self._in_step = False
-                said = f"a packet of {size} bytes" if token == TOKEN else f"{bytes(held[:8])!r} where a packet begins"
+                said = f"a packet of {size} bytes" if token == TOKEN else f"{held[at : at + 8]!r} where a packet begins"
                 items.append(StreamFault(f"{said}: the stream is damaged", is_out_of_step=True))
-            place = held.find(TOKEN, 1)
-            del held[: len(held) - len(TOKEN) + 1 if place < 0 else place]
-        return None
+            place = held.find(TOKEN, at + 1)
+            at = len(held) - len(TOKEN) + 1 if place < 0 else place
+        self._hold(held[at:], due_bytes)
 
-    def _read(self, packet: bytes) -> tuple[list[TickItem], Sequence[Part]]:
+    def _read(self, packet: memoryview) -> tuple[list[TickItem], Sequence[Part]]:
         """Take a packet apart: return what it says, and its samples where they can be taken for any."""
         if self._shape is not None and (alike := self._shape.parts_of(packet)) is not None:
-            info = memoryview(packet)[_HEAD.size + PART.size : _LEAST_PACKET]
-            return self._taken_apart(self._take_info(info), alike)
+            return self._taken_apart(self._take_info(packet[_HEAD.size + PART.size : _LEAST_PACKET]), alike)
         items: list[TickItem] = []
         parts: list[Part] = []
         heads: list[int] = []
         kinds: list[int] = []
         self._shape = None
-        at, view = _HEAD.size, memoryview(packet)
+        at = _HEAD.size
         while at < len(packet):
             if len(packet) - at < PART.size:
                 return [*items, StreamFault(f"{len(packet) - at} bytes behind the last part of a packet")], ()
             size, kind = PART.unpack_from(packet, at)
             if not PART.size <= size <= len(packet) - at:
                 return [*items, StreamFault(f"a part of {size} bytes where {len(packet) - at} are left")], ()
-            part = view[at + PART.size : at + size]
+            part = packet[at + PART.size : at + size]
             heads.append(at)
             kinds.append(kind)
             if kind == 1:
@@ -284,7 +289,7 @@ def _places(parts: Sequence[Part]) -> Iterator[tuple[int, int, Part, SamplePlace
         channel += place.width
 
 
-def _samples(packet: bytes, parts: Sequence[Part]) -> Iterator[TickSamples]:
+def _samples(packet: memoryview, parts: Sequence[Part]) -> Iterator[TickSamples]:
     """Yield the samples of a packet."""
     for channel, column, part, place in _places(parts):
         if not column:
