@@ -12,7 +12,7 @@ import pytest
 from recoil_acquisition.capture.live_source import LiveSamples
 from recoil_acquisition.capture.tick_signals import TickSignals
 from recoil_acquisition.devices.device import Block, Counters, event_block
-from tests.builders.tick_streams import CHANNELS, DESCRIPTION, PieceDecoder, data, live, piece, said
+from tests.builders.tick_streams import CHANNELS, DESCRIPTION, RATE_HZ, PieceDecoder, data, live, piece, said
 
 MS = 1_000_000
 
@@ -79,6 +79,18 @@ def test_doubled_and_late_packets_give_no_sample_twice() -> None:
         if samples.channel == "acceleration"
     ]
     np.testing.assert_array_equal(np.concatenate(values), np.arange(500, 900))
+
+
+def test_what_is_no_number_is_no_sample() -> None:
+    one = signals()
+    for event in said(0):
+        taken(one, event)
+    for number in range(15):
+        taken(one, packet(number, (number + 1) * 50 * MS))
+    holed, lost = [1.0, np.nan, 3.0, np.inf], [np.nan] * 4
+    (found,) = taken(one, data(800 * MS, piece(0, 750, holed), piece(1, 3750, lost)))
+    assert (found.channel, found.values.tolist()) == ("pressure", [-0.5e6, 0.5e6])
+    assert np.diff(found.times_s) == pytest.approx(2 / RATE_HZ, rel=1e-3)
 
 
 def test_with_another_description_a_new_epoch_begins() -> None:

@@ -86,6 +86,17 @@ def test_ticks_that_run_backwards_are_a_new_epoch_whose_time_goes_on() -> None:
     assert known[-1][-1] == pytest.approx(BEGAN_S + 2.0 + 2.1, abs=2e-3)
 
 
+def test_time_stands_still_where_another_epoch_would_take_it_back() -> None:
+    clock, made = TickClock(RATE_HZ), packets(2.0, 0.0, [])
+    before = [clock.feed(first, PACKET, arrival_ns) for first, arrival_ns in made][-1]
+    clock.restart()
+    after = [clock.feed(first, PACKET, arrival_ns - 300_000_000) for first, arrival_ns in made]
+    assert before is not None
+    times_s = np.concatenate([one for one in after if one is not None])
+    assert times_s[0] == before[-1]
+    assert (np.diff(times_s) >= 0).all()
+
+
 def test_a_gap_is_passed_over_by_the_ticks() -> None:
     clock, made = TickClock(RATE_HZ), packets(4.0, 0.0, [])
     kept = [one for one in made if not 1.5 <= one[0] / RATE_HZ < 2.5]

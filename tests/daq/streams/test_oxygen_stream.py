@@ -375,6 +375,21 @@ def test_a_text_may_end_in_zeros_and_say_less() -> None:
     assert (description.channels[0].name, description.start_utc_ns) == ("", None)
 
 
+def test_behind_missing_bytes_a_packet_is_read_as_soon_as_it_is_there() -> None:
+    """What the packet that was cut off still lacked is waited for no longer."""
+    large = packet(3, *(floats(100, range(5000)),) * 2)
+    decoder = OxygenDecoder()
+    decoder.feed(stream(2) + large[: len(large) // 2])
+    decoder.skip()
+    assert values(decoder.feed(packet(4, *(floats(5100, [7]),) * 2)), 0) == [7]
+
+
+@pytest.mark.parametrize("at", range(1, 13))
+def test_a_packet_behind_bytes_of_nothing_is_found_wherever_its_head_is_cut(at: int) -> None:
+    whole = packet(1, *(floats(0, [7]),) * 2)
+    assert values(decoded(bytes(100) + whole[:at], whole[at:]), 0) == [7]
+
+
 def test_after_missing_bytes_what_is_half_there_is_dropped() -> None:
     decoder = OxygenDecoder()
     decoder.feed(WHOLE[:400])
