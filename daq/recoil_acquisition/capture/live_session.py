@@ -125,7 +125,8 @@ class LiveSession:
         self._kept: list[Kept] = []
         self._noted = "", 0.0
         self._awaited: dict[str, ShotWindow] = {}
-        self._windows: queue.SimpleQueue[ShotWindow] = queue.SimpleQueue()
+        # no SimpleQueue: where a signal comes as its wait ends, it waits for ever
+        self._windows: queue.Queue[ShotWindow] = queue.Queue()
         self._numbers = {source.name: i for i, source in enumerate(record.sources)}
         self._readers = {name: DeviceReader(device, self._sink) for name, device in devices.items()}
         self._history = CounterHistory(devices)

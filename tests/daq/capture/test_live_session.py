@@ -6,7 +6,9 @@ import errno
 import os
 import queue
 import shutil
+import signal
 import sys
+import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -334,3 +336,39 @@ def test_what_the_journal_has_reserved_is_no_room_for_shots(
         disk.setattr(shutil, "disk_usage", lambda _: full)
         assert session.status.disk_free_bytes == 0
     session.close(complete=False)
+
+
+@pytest.mark.real_time
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="the system's timer sends the signals")
+def test_a_signal_as_the_wait_for_a_shot_ends_makes_it_no_endless_one(tmp_path: Path, device: PlayedBus) -> None:
+    """Else Ctrl-C would find a session that neither heeds it nor shows anything any more."""
+    session, over, looked_s, stuck = started(tmp_path, device), threading.Event(), [time.monotonic()], []
+
+    def keep_busy() -> None:
+        while not over.is_set():
+            sum(range(2000))
+
+    def watch() -> None:
+        while not over.wait(0.1):
+            if time.monotonic() - looked_s[0] > 2.0:
+                stuck.append(time.monotonic())
+                session._windows.put(None)  # type: ignore[arg-type]  # it ends the wait
+
+    others = [threading.Thread(target=one) for one in (watch, *[keep_busy] * 3)]
+    for one in others:
+        one.start()
+    before = signal.signal(signal.SIGALRM, lambda *_: None)
+    signal.setitimer(signal.ITIMER_REAL, 0.0017, 0.0017)
+    try:
+        ends_s = time.monotonic() + 2.0
+        while time.monotonic() < ends_s and not stuck:
+            looked_s[0] = time.monotonic()
+            session.next_window(0.002)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+        over.set()
+        for one in others:
+            one.join()
+        session.close(complete=True)
+    assert stuck == []
